@@ -12,8 +12,6 @@ from gmwm.base.remarks.explanation import cases, sentence_and_advice, severities
 from gmwm.base.remarks.registry import SECTIONS
 
 FOLDER = Path(__file__).parent / "messages"
-SHOWN = 2
-"""Largest number of examples of a message; its own text and `gmwm explain` have the others."""
 MARK = "<!-- Written by `python -m docs.message_pages` from src/gmwm/base/remarks/messages.toml. -->"
 
 HEAD = f"""\
@@ -22,7 +20,7 @@ HEAD = f"""\
 {MARK}
 
 A message says what you should know about a result. It has a severity, and a code that the terminal shows in brackets.
-`gmwm explain CODE` prints the entry of a code. The terminal shows the five most severe messages; `report.html` and
+`gmwm explain CODE` prints all cases of a code. The terminal shows the five most severe messages; `report.html` and
 `--all-remarks` show all. JSON files have `code`, and in `facts` the `case` if a code has several. In Python, messages
 are in `remarks` of each result.
 
@@ -65,16 +63,13 @@ def page(section: str) -> str:
 
 
 def _entry(message: Message) -> Iterator[str]:
-    """A heading that is the code, severity and meaning, and the first sentence of an example for each advice."""
+    """A heading that is the code, severity and meaning, and an example of the most severe case with its advice."""
     yield f"## `{message.code}`\n"
     yield f"*{severities(message).capitalize()}.* {message.meaning}\n"
-    sentences: dict[str, str] = {}
-    for remark in cases(message):
-        sentence, advice = (_markdown(text) for text in sentence_and_advice(remark, Dialect.HTML))
-        first = re.split(r"(?<=\.) (?=[A-Z])", sentence.removeprefix(f"{remark.subject}: "), maxsplit=1)[0]
-        sentences.setdefault(advice, first)
-    for advice, sentence in list(sentences.items())[:SHOWN]:
-        yield f"“{sentence}” {advice}".rstrip() + "\n"
+    remark = min(cases(message), key=lambda remark: remark.severity)
+    sentence, advice = (_markdown(text) for text in sentence_and_advice(remark, Dialect.HTML))
+    first = re.split(r"(?<=\.) (?=[A-Z])", sentence.removeprefix(f"{remark.subject}: "), maxsplit=1)[0]
+    yield f"“{first}” {advice}".rstrip() + "\n"
 
 
 def _markdown(text: str) -> str:

@@ -188,6 +188,15 @@ def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
     }
 
 
+def words_of_documents(docs: Path = ROOT / "docs") -> list[tuple[int, Path]]:
+    """Words of each page for users, as `wc -w` counts them, the longest first. Pages for contributors are left out.
+
+    Appendices that the site makes from the records of studies are not in the folder.
+    """
+    pages = [page for page in docs.rglob("*.md") if docs / "contributing" not in page.parents]
+    return sorted(((len(page.read_text(encoding="utf-8").split()), page) for page in pages), reverse=True)
+
+
 def _codes(table: dict[str, object]) -> list[str]:
     """Codes of messages: the tables that have a severity."""
     codes = []
@@ -209,6 +218,7 @@ MEANING = {
     "constant_names": "most modules that use one name for a constant",
     "codes": "codes of messages",
     "upward": "upward imports in methods",
+    "words": "words of the documentation for users",
     "modules": "modules loaded by the name gmwm.calibrate",
     "rooms": "rooms that calibrate(data) visits",
 }
@@ -222,6 +232,8 @@ def main() -> None:
     options = parser.parse_args()
     package = options.package.resolve()
     every = figures(package)
+    pages = words_of_documents()
+    every["words"] = (sum(count for count, _ in pages), [f"{count} {page.relative_to(ROOT)}" for count, page in pages])
     every["modules"] = (len(loaded := modules_of_calibrate(package)), loaded)
     every["rooms"] = (len(steps := rooms_of_calibrate(package)), steps)
     if options.list:

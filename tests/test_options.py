@@ -106,7 +106,7 @@ def test_the_saved_options_of_a_calibration_come_back():
     given = CalibrationOptions(within="WN(sigma2=fixed(1e-6)) + RW", robust=True, confidence=0.9, axes="gyro")
     assert list(given.to_dict()) == [
         "within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against",
-        "gravity", "tilt", "repeated", "models",
+        "gravity", "tilt", "warmup", "repeated", "models",
     ]  # fmt: skip
     assert CalibrationOptions.from_dict(given.to_dict()).to_dict() == given.to_dict()
     assert given.axes == ("gyro",)

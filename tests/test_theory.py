@@ -58,3 +58,21 @@ def test_the_allan_variance_the_objective_and_the_bounds():
     assert np.isclose(r @ fit.weighting_matrix @ r, fit.objective)
     assert np.isclose(fit.wic().optimism, 2 * 3, rtol=0.1)  # 2p, p = 3
     assert fit.relaxed_bound <= fit.lower_bound <= fit.objective
+
+
+def test_the_numbers_of_other_programs_as_processes():
+    """The last column of the table in docs/coming-from/index.md."""
+    N, K, Q, R, T_c, q_c = 2e-4, 3e-6, 1e-6, 1e-9, 50.0, 1e-5
+    tau = np.array([0.01, 1.0, 100.0])
+    n = np.rint(tau * RATE).astype(int)
+    parts = {
+        gmwm.WN(sigma2=N**2 * RATE): N**2 / tau,
+        gmwm.RW(gamma2=K**2 / RATE): K**2 * tau / 3 + K**2 / (6 * n * RATE),  # the second: discrete steps
+        gmwm.QN(q2=Q**2 * RATE**2): 3 * Q**2 / tau**2,
+        gmwm.DR(omega=R / RATE): R**2 * tau**2 / 2,
+    }
+    for process, allan in parts.items():
+        assert np.allclose(process.allan_variance(n, RATE), allan), process
+    slow = gmwm.GM(beta=1 / T_c, sigma2=q_c**2 * T_c / 2)
+    # A random walk, far below T_c.
+    assert np.isclose(slow.allan_variance(np.array([100]), RATE)[0], q_c**2 * 1.0 / 3, rtol=0.02)

@@ -88,7 +88,7 @@ def tab(page, name):
         "curves": "#curves .js-plotly-plot",
         "model": "#fit .js-plotly-plot",
     }
-    place |= {"numbers": "#numbers .datasheet", "download": "#preview pre"}
+    place |= {"numbers": "#numbers .filter", "download": "#preview pre"}
     page.locator(place[name]).first.wait_for()
     if name == "model":
         page.wait_for_function("document.querySelector('#model').value !== ''")
@@ -222,9 +222,9 @@ def test_two_pages_do_not_disturb_each_other_and_work_is_cancelled(opened, folde
     first.locator("#status.idle").wait_for(state="attached")
     assert "waiting" in second.locator("#doing").text_content()
     go.set()
-    second.locator("#numbers .datasheet").first.wait_for()
+    second.locator("#numbers .filter").first.wait_for()
     first.get_by_role("button", name="Start again").first.click()
-    first.locator("#numbers .datasheet").first.wait_for()
+    first.locator("#numbers .filter").first.wait_for()
     for page in (first, second):
         tab(page, "download")
     assert "--skip 10-20" in first.locator("#shell pre").text_content()
@@ -282,6 +282,8 @@ def test_a_term_is_held_by_dragging_and_by_a_button(opened, folder):
     page.get_by_role("button", name="Free", exact=True).click()
     page.get_by_role("button", name="Free", exact=True).wait_for(state="detached")
     page.wait_for_timeout(500)
+    page.locator("#status.idle").wait_for(state="attached")
+    page.evaluate("window.scrollTo(0, 0)")
     box = page.locator("#fit .shapelayer path").first.bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)

@@ -38,7 +38,7 @@ def test_a_trend_makes_a_bound_unless_its_effect_is_within_the_interval():
 
 
 def test_a_remark_that_spoils_a_number_comes_before_one_that_raises_it():
-    short = Remark.of("too-short", "gyro_x", least=7, scales=4)
+    short = Remark.of("too-short", "gyro_x", case="scales", least=7, scales=4, numbers=("all numbers",))
     verdict = verdict_of_number(WALK, [short, trend(4.0, 2.0)])
     assert (verdict.usability, verdict.reason) == (Usability.DO_NOT_USE, short)
 

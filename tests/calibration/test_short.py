@@ -81,3 +81,11 @@ def test_a_short_axis_does_not_stop_the_others():
 def test_a_model_can_be_fitted_to_a_short_curve():
     curve = gmwm.wavelet_variance(white(16))
     assert gmwm.fit("WN", curve).parameters["WN.sigma2"] > 0
+
+
+def test_seconds_do_not_show_how_the_bias_changes():
+    for samples, usable in ((512, False), (1024, True)):
+        x = np.random.default_rng(1).normal(0, 1e-3, samples)
+        verdicts = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", axis="gyro_x"), "WN + RW").number_verdicts["gyro_x"]
+        assert verdicts["N"].usability.value == "use"
+        assert (verdicts["K"].usability.value != "do not use") == usable

@@ -7,13 +7,11 @@ import pytest
 
 import gmwm
 from gmwm import Signal
-from gmwm.base.errors import DataError
 from gmwm.base.time_base import lost_before
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.transform import dwt, modwt
 from gmwm.recording.gaps import joined_ranges
 from gmwm.theory.processes.model import as_model
-from tests.helpers import raises
 
 RATE = 100.0
 
@@ -131,8 +129,3 @@ def test_every_measure_takes_gaps(measure):
         assert found.density.tolist() == wanted.density.tolist()
     else:
         assert np.array_equal(found.smooth, wanted.smooth)
-
-
-def test_a_gap_that_is_too_long_is_an_error_with_its_advice():
-    with raises(DataError, "gaps"):
-        gmwm.allan_variance(with_gaps((500, 500), (400,)))

@@ -17,6 +17,7 @@ import gmwm
 from gmwm.files.formats.byte_sources import zstd_library
 from gmwm.recording.imu_records import TYPES
 from tests.readers import rosbag_files, test_dataflash, test_imr, test_matlab, test_ulog, test_waypoint
+from tests.readers.test_layouts import LAYOUTS
 
 ROWS = 300
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -173,8 +174,17 @@ def devices() -> Files:
         yield "px4.ulg", (DEVICE / "PX4_pyulog_sample_log_small.ulg").read_bytes()[:DEVICE_BYTES]
 
 
+def layouts() -> Files:
+    """Files of loggers as their descriptions state, which are read without options."""
+    for k, layout in enumerate(LAYOUTS):
+        if not layout.options:
+            name = layout.file if layout.file in ("ms25.csv", "xsens_imu.csv") else f"{k}_{layout.file}"
+            yield name, layout.text().encode()
+
+
 FAMILIES: dict[str, Callable[[Path], Files]] = {
     "text": lambda folder: text(),
+    "layouts": lambda folder: layouts(),
     "packed": lambda folder: packed(),
     "arrays": lambda folder: arrays(),
     "matlab": lambda folder: matlab(),

@@ -42,6 +42,7 @@ STATIONARY = (
     "2*GM(beta=[0.5, 20.0], sigma2=[2.0, 0.5])",
     "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + WN(sigma2=3.0)",
     "AR1(phi=-0.7, sigma2=1.0) + WN(sigma2=1.0)",
+    "OSC(frequency=0.3, quality=4.0, sigma2=2.0) + WN(sigma2=1.0)",
 )
 WANDERING = (
     "RW(gamma2=0.3)",

@@ -84,7 +84,7 @@ def test_durations_read_well():
 
 @pytest.mark.parametrize("name", sorted(registry))
 def test_every_process_has_a_legend_with_units(name):
-    process = registry[name].standard([0.5] * len(registry[name].nonlinear_parameters()))
+    process = registry[name].standard([0.6] * len(registry[name].nonlinear_parameters()))
     text = term_label(name, process, view_of("rad/s", "wavelet", "datasheet"), 100.0)
     assert text.startswith(f"{name}: ")
     scale = process.scale_parameter()

@@ -350,6 +350,7 @@ def test_a_damaged_sentence_is_a_lost_sample(tmp_path):
     lines[40] = lines[40][:30]  # cut
     lines[50] = lines[50][:20] + lines[51]  # two sentences in one line, the first without its end
     del lines[51]
+    lines.insert(20, "boot ok, no sentence in this line")
     path = tmp_path / "log.txt"
     path.write_text("\r\n".join(lines))
     with pytest.warns(GmwmWarning, match="5 lost samples"):

@@ -101,5 +101,7 @@ def test_axes_of_an_array_may_have_numbers():
     imu = Imu.from_arrays({"gyro_1": X[:, 0], "gyro_2": X[:, 1]}, rate=100)
     assert list(imu) == ["gyro_1", "gyro_2"]
     assert imu["gyro_1"].unit == "rad/s"
+    bare = Imu({"gyro_1": X[:, 0], "gyro_2": X[:, 1]})
+    assert (bare.rate, bare["gyro_2"].unit) == (1.0, "rad/s")
     with raises(DataError, argument="signals", advises=["from_arrays"]):
-        Imu({"gyro_1": X[:, 0]})
+        Imu(X)

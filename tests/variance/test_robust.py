@@ -353,7 +353,7 @@ def test_a_drift_alone():
 
 
 def test_bad_signals_are_refused_as_by_the_classical():
-    for bad in ([1.0] * 7, [np.nan] * 100, [1.0] * 99 + [np.inf], np.zeros((10, 3))):
+    for bad in ([1.0] * 7, [np.nan] * 100, [1.0] * 99 + [np.inf], np.zeros((10, 3, 2))):
         with pytest.raises(gmwm.errors.DataError):
             measured(bad)
 

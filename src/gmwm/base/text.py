@@ -52,13 +52,14 @@ _DURATIONS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 17280
 
 
 def duration_text(seconds: float, digits: int = 2) -> str:
-    """Format a duration in seconds with a readable unit.
+    """Format a duration in seconds with a readable unit; whole units are not rounded further.
 
-    >>> duration_text(0.05), duration_text(53.2), duration_text(11520.0, 3), duration_text(5e5), duration_text(1e9)
-    ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
+    >>> duration_text(0.05), duration_text(114.7), duration_text(11520.0, 3), duration_text(5e5), duration_text(1e9)
+    ('0.05 s', '115 s', '3.2 h', '5.8 d', '32 years')
     """
     unit, size = next((unit, size) for unit, size, least in _DURATIONS if seconds >= least)
-    return f"{round_text(seconds / size, digits)} {unit}"
+    integer_digits = len(f"{seconds / size:.0f}") if seconds < 1e3 * size else 0
+    return f"{round_text(seconds / size, max(digits, integer_digits))} {unit}"
 
 
 def moment(seconds: float) -> str:

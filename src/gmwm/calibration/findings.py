@@ -36,6 +36,8 @@ SCALES = 7
 """Smallest number of usable scales for which the numbers of a calibration can be used. With fewer scales, the selection
 misses one of two terms, whose curves cross at a scale of 16 samples, in more than half of the recordings
 (tests/calibration/test_short.py)."""
+SHORTEST = 2.0
+"""Smallest longest usable scale (s) at which B and K can be used. Pinned by tests/calibration/test_short.py."""
 LEAST_SCALES = 4
 """Smallest number of usable scales for which a recording is calibrated. With fewer scales, the selection recommends a
 model other than white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
@@ -150,7 +152,9 @@ def _of_axis(
     wv = axis_calibration.fit.wavelet_variance
     scales = int(np.count_nonzero(usable_levels(wv)))
     if scales < SCALES:
-        yield Remark.of("too-short", axis, least=SCALES, scales=scales)
+        yield Remark.of("too-short", axis, case="scales", least=SCALES, scales=scales, numbers=("all numbers",))
+    elif (longest := float(wv.tau[usable_levels(wv)][-1])) < SHORTEST:
+        yield Remark.of("too-short", axis, case="seconds", scale=Quantity(longest, "s"), numbers=("B", "K", "R"))
     if is_rejected:
         yield _rejection(axis, axis_calibration)
     yield from _of_coarse_levels(axis, axis_calibration)

@@ -56,7 +56,7 @@ def convert(
         imu.write(output, format=to)
     suffix = output.suffix.lower()
     lost = suffix in (MCAP, RECORDS) and imu.temperature is not None
-    wrote = f"Wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
+    wrote = f"Wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
     return Outcome(
         command="convert",
         document={

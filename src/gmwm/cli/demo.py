@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.base.remarks import Dialect, Remark
+from gmwm.base.remarks import Dialect
+from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
@@ -156,11 +157,8 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
             lines += wrap_text(
                 f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended.{tie}"
             )
-    gaps = [fit.gap for fit in found.values() if fit.gap is not None]
-    if gaps:
-        lines += wrap_text(
-            Remark.of("check-passed", case="optimum", gap=100 * max(gaps), exact="no").text(Dialect.SHELL)
-        )
+    if certificate := certificate_of(found.values()):
+        lines += wrap_text(certificate.text(Dialect.SHELL))
     return "\n".join(lines)
 
 

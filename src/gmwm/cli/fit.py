@@ -196,21 +196,19 @@ def fit(
         recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
     )
     fits = fit_axes(
-        dict.fromkeys(signals, parsed), signals, weighting=weighting, robust=robust,
-        efficiency=strength, certify=certify, filter=filter, transform=transform,
-        start=None if start_draws is None else Sampled(start_draws, seed),
+        dict.fromkeys(signals, parsed), signals, start=None if start_draws is None else Sampled(start_draws, seed),
+        weighting=weighting, robust=robust, efficiency=strength, certify=certify, filter=filter, transform=transform,
     )  # fmt: skip
     _tell_curves(fits)
     carried = {}
     if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
         carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
-    units = picture_units(datasheet)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
         command="fit", document=content, in_text=tuple(_remarks(fits, carried)), text="\n\n".join(parts),
-        files=tuple(_files(fits, content, output, plot, partial(_picture, view=view or "auto", units=units))),
+        files=tuple(_files(fits, content, output, plot, _drawer(view or "auto", picture_units(datasheet)))),
     )  # fmt: skip
 
 
@@ -288,6 +286,10 @@ def fit_axes(
         return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify, start=start)
 
     return over_axes(measured_and_fitted, signals, "fitting")
+
+
+def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, Fit], Path], NewFile]:
+    return partial(_picture, view=view, units=units)
 
 
 def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:

@@ -334,9 +334,11 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
 def part_of(signal: Signal, first: int, last: int) -> Signal:
     """Return the samples number `first` … `last` − 1 of a signal."""
     last = min(last, len(signal))
-    segments, starts = [], []
-    for (begin, end), start in zip(signal.segments, signal.starts, strict=True):
-        if begin < last and end > first:
-            segments.append((max(begin, first) - first, min(end, last) - first))
-            starts.append(start + max(first - begin, 0) / signal.rate)
+    place = bisect_right(signal.segments, first, key=lambda segment: segment[1])
+    stop = bisect_left(signal.segments, last, key=lambda segment: segment[0])
+    segments = [(begin - first, end - first) for begin, end in signal.segments[place:stop]]
+    starts = list(signal.starts[place:stop])
+    starts[0] += max(-segments[0][0], 0) / signal.rate
+    segments[0] = max(segments[0][0], 0), segments[0][1]
+    segments[-1] = segments[-1][0], min(segments[-1][1], last - first)
     return replace(signal, values=signal.values[first:last], segments=tuple(segments), starts=tuple(starts), filled=0)

@@ -60,10 +60,10 @@ def write_mcap(imu: Imu, path: Path) -> None:
     """Write a recording to an .mcap file. A sensor that is not recorded is marked by a covariance of −1, as the message
     defines it. The stamps are whole nanoseconds."""
     sensors = {sensor: [f"{sensor}_{axis}" in imu.axes for axis in "xyz"] for sensor in ("gyro", "accel")}
-    for sensor, there in sensors.items():
-        if any(there) and not all(there):
+    for sensor, present in sensors.items():
+        if any(present) and not all(present):
             raise DataError(
-                f"a message holds three axes of a sensor, but the recording has {sum(there)} of {sensor}",
+                f"a message holds three axes of a sensor, but the recording has {sum(present)} of {sensor}",
                 advice="Write a .csv or .parquet file.",
             )
     first = imu[imu.axes[0]]
@@ -86,8 +86,8 @@ def write_mcap(imu: Imu, path: Path) -> None:
             rows["cdr"], rows["frame_length"], rows["frame"] = b"\0\1\0\0", 4, b"imu\0"
             rows["sec"], rows["nanosec"] = np.divmod(part, 10**9)
             rows["orientation_covariance"][:, 0] = -1
-            for sensor, there in sensors.items():
-                if not any(there):
+            for sensor, present in sensors.items():
+                if not any(present):
                     rows[f"{sensor}_covariance"][:, 0] = -1
                     continue
                 for k, axis in enumerate("xyz"):

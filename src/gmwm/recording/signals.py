@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from operator import ge
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, overload
 
@@ -86,11 +87,12 @@ class Signal(Plotted):
         require_measurable(vector, unit, axis)
         if vector.flags.writeable:
             vector = freeze(vector.view())
-        ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)
-        if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
+        firsts, ends = (tuple(map(int, part)) for part in zip(*(tuple(segments) or ((0, vector.size),)), strict=True))
+        ranges = tuple(zip(firsts, ends, strict=True))
+        if firsts[0] != 0 or ends[-1] != vector.size or any(map(ge, firsts, ends)):
             expected = f"non-empty ranges that cover all {vector.size} samples"
             raise DataError(argument="segments", expected=expected, got=segments)
-        if any(before[1] != right[0] for before, right in pairwise(ranges)):
+        if firsts[1:] != ends[:-1]:
             raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
         rate = as_rate(rate)
         times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
@@ -270,7 +272,8 @@ class Imu(Plotted):
     Parameters
     ----------
     signals : mapping of axis name to Signal
-        The axes; they have the same length, rate and segments.
+        The axes; they have the same length, rate and segments. An array becomes a Signal in rad/s or m/s² with rate=1,
+        so that times count samples; `from_arrays` takes a rate.
     source : str
         File or other origin, for titles and reports.
     remarks : tuple of Remark
@@ -302,13 +305,15 @@ class Imu(Plotted):
     temperature: Vector | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.signals:
-            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
-        if not isinstance(self.signals, Mapping) or not all(isinstance(s, Signal) for s in self.signals.values()):
+        if not isinstance(self.signals, Mapping):
             raise DataError(
                 argument="signals", expected="a mapping of axis name to Signal", got=self.signals,
                 advice="Make an Imu from arrays by `gmwm.Imu.from_arrays(arrays, rate)`.",
             )  # fmt: skip
+        if not self.signals:
+            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
+        if not all(isinstance(signal, Signal) for signal in self.signals.values()):
+            object.__setattr__(self, "signals", {axis: _as_signal(x, axis) for axis, x in self.signals.items()})
         signals = list(self.signals.values())
         first = signals[0]
         for name, signal in self.signals.items():
@@ -569,6 +574,11 @@ class Imu(Plotted):
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
+
+
+def _as_signal(x: Any, axis: str) -> Signal:
+    """Return a signal, or an array in SI units as a signal whose times count samples."""
+    return x if isinstance(x, Signal) else Signal(as_vector(x, axis), 1.0, unit=SI_UNIT[axis_quantity(axis)], axis=axis)
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

@@ -11,23 +11,21 @@ import numpy as np
 
 from gmwm.applications.app.session import Session
 from gmwm.base.time_base import begins_of
-from gmwm.choosing.selection.ranking import Ranking
-from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu
-from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
-from gmwm.showing.plots.curves import FRONT, view_for
-from gmwm.showing.plots.figure import Band, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.axes import value_axis
+from gmwm.showing.plots.curves import view_for
+from gmwm.showing.plots.figure import Mark, Panel, Stroke
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter
 from gmwm.showing.plots.linear import time_unit
 from gmwm.showing.plots.overlay import overlay_panel
-from gmwm.showing.plots.ranking import ranking_figure
+from gmwm.showing.plots.ranking import FIRST, distance_panel
 from gmwm.showing.plots.series import recording_figure
 from gmwm.showing.plots.spectrum import spectrum_panel
-from gmwm.showing.plots.style import IMPLIED, OBSERVED, curve_stroke, letter_stroke, term_strokes
+from gmwm.showing.plots.style import curve_stroke, letter_stroke, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 from gmwm.showing.reports.plotly import plotly_panel
 from gmwm.theory.processes.base import Process
@@ -44,7 +42,6 @@ HANDLE = 8
 """Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
 RATE = "beta"
 """Name of the parameter that is the inverse correlation time of a process."""
-IMPLIED_DOTS = replace(IMPLIED, symbol="circle")
 Drawn = dict[str, Any]
 """A Plotly figure as a dictionary, which `dcc.Graph` can draw."""
 
@@ -59,9 +56,9 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
     figure = plotly_panel(panel if title else replace(panel, title=""))
     names = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
     longest = max(map(len, names), default=0)
-    entry = min(width - SIDE, 70 + 7 * longest)
+    entry = min(width - SIDE, 44 + 5.7 * longest)
     rows = math.ceil(len(names) / max(1, (width - SIDE + 10) // entry)) if names else 0
-    foot = 66 + 20 * rows
+    foot = 50 + 20 * rows
     layout = figure["layout"]
     if title and "title" in layout:
         layout["title"] |= {"x": 0.01, "xanchor": "left", "font": {"size": 13}, "y": 0.98, "yanchor": "top"}
@@ -69,12 +66,12 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
         "height": height + (foot if names else 20), "autosize": True,
         "margin": {"l": 64, "r": 14, "t": 26, "b": foot if names else 44, "pad": 0},
         "font": {"family": FONT, "size": 12, "color": "#1b1f24"},
-        "paper_bgcolor": "#ffffff", "plot_bgcolor": "#ffffff",
+        "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",  # that of the page
         "hovermode": "closest", "dragmode": False,
         "hoverlabel": {"align": "left", "bgcolor": "#ffffff", "font": {"size": 13}},
         "legend": {
             "orientation": "h", "x": 0, "xref": "container", "y": 0, "yref": "container", "yanchor": "bottom",
-            "entrywidth": entry - 50, "traceorder": "normal", "font": {"size": 11.5},
+            "entrywidth": entry - 44, "traceorder": "normal", "font": {"size": 11.5},
         },
     }  # fmt: skip
     return {"data": figure["data"], "layout": layout}
@@ -220,26 +217,7 @@ def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> P
     return process.with_values(**values, **{scale: Fixed(process.value_from(process.scale * ratio))})
 
 
-def misfit(fit: Fit, view: ViewName, units: UnitSystem) -> Panel:
-    """Return a panel with the relative difference of model and data at each scale, and ± 2 standard errors of the
-    data."""
-    deviation, wv = relative_misfit(fit), fit.wavelet_variance
-    shown = view_for(wv, view, units)
-    times, percent = shown.time(wv.tau), 100 * deviation.distance
-    band = Band(
-        times, -200 * deviation.error, 200 * deviation.error, colour=OBSERVED.colour, label="± 2 standard errors"
-    )
-    judged = np.where(deviation.judged, percent, np.nan)
-    line = Polyline(times, judged, stroke=IMPLIED_DOTS, label="Model / data − 1", layer=FRONT)
-    ends = np.array([times[0], times[-1]])
-    zero = Polyline(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="")
-    # The axis of the misfit is linear up to 50 %.
-    y = signed_axis(judged, "Model / data − 1 (%)", linear=1.0, even=50.0, least=2.0)
-    return Panel(time_axis(times, shown.time_label), y, (band, zero, line))
-
-
-def ranking_panel(ranking: Ranking, view: ViewName, units: UnitSystem) -> Panel:
-    """Return a panel with the distances of the best models of a ranking from the data at each scale."""
-    panel = ranking_figure(ranking, view=view, units=units).rows[0][1]
-    assert panel is not None
-    return replace(panel, title="")
+def residual_figure(fit: Fit, session: Session, width: float) -> Drawn:
+    """Return the figure with the distance of a model from the data at each scale."""
+    models = [("Model", np.asarray(fit.implied), FIRST)]
+    return plotly_figure(distance_panel(fit.wavelet_variance, models, session.view, session.units), width, 210)

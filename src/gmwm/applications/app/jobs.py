@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Any, Literal
@@ -45,6 +46,7 @@ class Job:
         self.error: Exception | None = None
         self._stop, self._ended = threading.Event(), threading.Event()
         self._lock = threading.Lock()
+        self._begun = time.monotonic()
         self._thread = threading.Thread(target=self._run, name=title, daemon=True)
         self._thread.start()
 
@@ -52,6 +54,11 @@ class Job:
         """Report progress: a description of the step, and the finished and total amounts of work if known."""
         self.check()
         self.text, self.share = text, min(done / total, 1.0) if total > 0 else None
+
+    @property
+    def progress(self) -> str:
+        """Title, last step and running time, such as "Calibrating gyro_y, 4 s"."""
+        return f"{f'{self.title} {self.text}'.rstrip()}, {time.monotonic() - self._begun:.0f} s"
 
     def check(self) -> None:
         """Raise `Cancelled` if the job was cancelled."""

@@ -84,7 +84,7 @@ class Baseline(FrozenArrays):
         for values in segments:
             whitener.restart()
             errors.append(whitener.update(values))
-        largest = max((float(np.max(np.abs(e))) for e in errors if e.size), default=0.0)
+        largest = float(np.max(np.abs(np.concatenate([np.zeros(1), *errors]))))
         sums = _BlockSums(errors)
         ratios, shapes = _mean_squares(sums)
         scatter = _block_means(sums)
@@ -94,11 +94,11 @@ class Baseline(FrozenArrays):
                 f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
                 argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
             )  # fmt: skip
+        values = np.concatenate(segments)
         return cls(
             samples=total, ratios=ratios, shapes=shapes, scatter=scatter, largest=largest,
-            equal=max(longest_run(values) for values in segments),
-            lowest=min(float(values.min()) for values in segments),
-            highest=max(float(values.max()) for values in segments),
+            equal=longest_run(segments),
+            lowest=float(values.min()), highest=float(values.max()),
         )  # fmt: skip
 
     def settings(self) -> ChartSettings:
@@ -134,12 +134,12 @@ class Baseline(FrozenArrays):
         return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
 
 
-def longest_run(values: Vector) -> int:
-    """Return the length of the longest run of equal values."""
-    if not values.size:
-        return 0
-    places = np.flatnonzero(np.diff(values))
-    return int(np.max(np.diff(np.concatenate([[-1], places, [values.size - 1]]))))
+def longest_run(segments: Sequence[Vector]) -> int:
+    """Return the length of the longest run of equal values within a segment."""
+    values = np.concatenate([np.zeros(0), *segments])
+    is_last = np.diff(values, append=np.nan) != 0
+    is_last[np.cumsum([part.size for part in segments if part.size], dtype=np.int64) - 1] = True
+    return int(np.max(np.diff(np.flatnonzero(is_last), prepend=-1), initial=0))
 
 
 class _BlockSums:
@@ -151,7 +151,7 @@ class _BlockSums:
     def __getitem__(self, level: int) -> list[Vector]:
         while len(self._levels) <= level:
             fine = self._levels[-1]
-            self._levels.append([sums[0 : sums.size & ~1 : 2] + sums[1::2] for sums in fine])
+            self._levels.append([sums[0 : sums.size & ~1 : 2] + sums[1::2] for sums in fine if sums.size > 1])
         return self._levels[level]
 
 
@@ -162,7 +162,7 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
     while True:
         level = len(ratios) + 1
         base, m = window(level)
-        blocks = np.concatenate([_blocks(part, m, level) for part in sums[base]])
+        blocks = _blocks(sums[base], m, level)
         if blocks.size < LEAST_BLOCKS:
             return np.array(ratios), np.array(shapes)
         mean = float(np.mean(blocks))
@@ -180,20 +180,25 @@ def _shapes(blocks: Vector) -> Iterator[float]:
         blocks, together = 0.5 * (blocks[0:even:2] + blocks[1:even:2]), 2 * together
 
 
-def _blocks(sums: Vector, m: int, level: int) -> Vector:
-    """Return the mean squares of the standardised Haar coefficients, of m entries of `sums` each, in blocks."""
-    if sums.size < m:
+def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
+    """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
+    the segments."""
+    long = [part for part in segments if part.size >= BLOCKS * m]
+    if not long:
         return np.zeros(0)
-    w = np.square(differences(sums, m)) / 2.0**level
-    count = w.size // (BLOCKS * m)
-    return np.asarray(w[: count * BLOCKS * m].reshape(count, BLOCKS * m).mean(axis=1))
+    sizes = np.array([part.size for part in long])
+    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (BLOCKS * m)
+    first = np.repeat(starts - BLOCKS * m * (np.cumsum(counts) - counts), counts)
+    places = first[:, None] + np.arange(counts.sum() * BLOCKS * m).reshape(-1, BLOCKS * m)
+    squares = np.square(differences(np.concatenate(long), m)) / 2.0**level
+    return np.asarray(squares[places].mean(axis=1))
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)
-        z = np.concatenate(sums[level]) / 2.0 ** (level / 2.0)
+        z = np.concatenate([np.zeros(0), *sums[level]]) / 2.0 ** (level / 2.0)
         if z.size < 30:  # the standard error of the scatter is then 13 %
             # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
             # too.

@@ -73,6 +73,7 @@ def explanation(code: str, dialect: Dialect = Dialect.PYTHON) -> str:
 
     Examples
     --------
+    >>> import gmwm
     >>> print(gmwm.remarks.explanation("last-line").splitlines()[0])
     last-line (info)
     """

@@ -134,14 +134,12 @@ class _StampWindow:
         ticks = (values - first).astype(np.float64, copy=False)
         exact = integer and seconds == 1
         return cls(
-            ticks=ticks * seconds if seconds != 1 else ticks,
-            origin=float(first) * seconds,
+            ticks=ticks * seconds if seconds != 1 else ticks, origin=float(first) * seconds,
             spacing=0.0
             if exact
             else float(np.spacing(np.max(np.abs(values.astype(np.float64, copy=False))))) * seconds,
-            per_second=TIME_UNITS.get(unit, 1),
-            integer=exact,
-        )
+            per_second=TIME_UNITS.get(unit, 1), integer=exact,
+        )  # fmt: skip
 
 
 def _block(
@@ -245,11 +243,9 @@ def _interval(
     if abs(interval - median) * longest <= 0.5 * median:
         return interval, None
     remark = Remark.of(
-        "rate-stated",
-        case="mean",
-        rate=Quantity(per_second / interval, "Hz"),
+        "rate-stated", case="mean", rate=Quantity(per_second / interval, "Hz"),
         median=Quantity(median / per_second, "s"),
-    )
+    )  # fmt: skip
     return interval, remark
 
 
@@ -273,12 +269,9 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
     if np.std(apart) > _EVEN * np.mean(apart):
         return None
     return Remark.of(
-        "rate-ambiguous",
-        case="losses",
-        every=round(float(np.mean(apart))) + 1,
-        rate=Quantity(rate, "Hz"),
+        "rate-ambiguous", case="losses", every=round(float(np.mean(apart))) + 1, rate=Quantity(rate, "Hz"),
         other=Quantity(rate / (1 + share), "Hz"),
-    )
+    )  # fmt: skip
 
 
 def _about_rounded(blocks: Sequence[_StampBlock], count: int, rate: float, per_second: int) -> Remark | None:
@@ -291,12 +284,9 @@ def _about_rounded(blocks: Sequence[_StampBlock], count: int, rate: float, per_s
     if lost < max(_REGULAR, _REGULAR_SHARE * count):
         return None
     return Remark.of(
-        "rate-ambiguous",
-        case="complete",
-        every=round(count / lost) + 1,
-        rate=Quantity(rate, "Hz"),
+        "rate-ambiguous", case="complete", every=round(count / lost) + 1, rate=Quantity(rate, "Hz"),
         other=Quantity(other, "Hz"),
-    )
+    )  # fmt: skip
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:

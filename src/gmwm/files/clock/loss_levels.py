@@ -145,7 +145,7 @@ def row_levels(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
         levels = np.unique(np.concatenate([[old], level[group], np.arange(old, min(new, old + 16)), [new]]))
         longest = steps[low - 1 : high - 1]
         price = _RISE - _AT_STEP * longest / np.max(longest)
-        costs = np.stack([cost(x[low:high] - one) for one in levels])
+        costs = np.stack([cost(x[low:high] - height) for height in levels])
         last = -x.size
         for row, a, b in _cheapest(costs, price):
             jump, row = levels[b] - levels[a], low + row

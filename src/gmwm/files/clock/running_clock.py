@@ -171,12 +171,9 @@ class RunningClock:
             # Relative difference between the rates of the first and of all rows for a warning, as for a declared rate
             if abs(measured / pace.rate - 1) > 1e-3:
                 yield Remark.of(
-                    "rate-contradicted",
-                    source="first-rows",
-                    rate=Quantity(pace.rate, "Hz"),
-                    rows=pace.rows,
+                    "rate-contradicted", source="first-rows", rate=Quantity(pace.rate, "Hz"), rows=pace.rows,
                     stamps=Quantity(measured, "Hz"),
-                )
+                )  # fmt: skip
 
     def _require_steady(self, new: Vector, row: int) -> None:
         """Require that the new time stamps, from `row` on, are in order and at the same rate."""

@@ -60,11 +60,9 @@ def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str])
         if declared.get("time", unit) != unit:
             raise UnitError(
                 f"the time column {channel.name!r} holds dates and times ({layout.first_row[column]!r}), which have no "
-                f"unit, but {declared['time']!r} was declared",
-                code="unit-contradiction",
-                argument="units",
+                f"unit, but {declared['time']!r} was declared", code="unit-contradiction", argument="units",
                 advice="Leave the unit of time out of {--units}.",
-            )
+            )  # fmt: skip
         return unit, form_remark(layout.first_row[column])
     stated = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
     unknown = "" if stated else unknown_unit(channel.name, channel.unit, "time")
@@ -85,13 +83,9 @@ def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str])
 
 
 def resolve(
-    layout: Layout,
-    choice: ColumnChoice,
-    declared: Mapping[str, str],
-    values: Mapping[str, Vector],
-    rate: float,
+    layout: Layout, choice: ColumnChoice, declared: Mapping[str, str], values: Mapping[str, Vector], rate: float,
     increments: Sequence[str] = (),
-) -> Scales:
+) -> Scales:  # fmt: skip
     """Find the unit of every axis. `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the
     norm of gravity. For axes in `increments`, "deg" in the file does not contradict "deg/s"."""
     units: dict[str, Unit] = {}
@@ -175,12 +169,10 @@ def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
             "if they are rates, pass {--units=@units} alone.", quantity=quantity, units=f"{quantity}:{rate.name}",
         )  # fmt: skip
     return UnitError(
-        message,
-        code="unit-unknown",
+        message, code="unit-unknown",
         advice="If it is one of them, pass for example {--units=@units}; if not, pass also its size in that unit with "
-        "{--scale}.",
-        units=f"{quantity}:{SI_UNIT[quantity]}",
-    )
+        "{--scale}.", units=f"{quantity}:{SI_UNIT[quantity]}",
+    )  # fmt: skip
 
 
 def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
@@ -204,10 +196,8 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
             return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
-        "(m/s²)" + offset_words(axes, values),
-        code="unit-implausible",
-        advice=_STATE_ACCEL,
-    )
+        "(m/s²)" + offset_words(axes, values), code="unit-implausible", advice=_STATE_ACCEL,
+    )  # fmt: skip
 
 
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:

@@ -47,10 +47,7 @@ _NOT_SAMPLES = {
     "accuracy", "offset", "scale", "noise", "time", "timestamp", "stamp", "counter", "clip", "clipping", "range",
     "mean", "min", "max", "rms", "norm", "enabled", "flag", "health", "type", "id", "fft", "psd", "angle", "linear",
 }  # fmt: skip
-_MENTIONS = {
-    "gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate",
-    "accel": r"acc(?!u|ept|ess)|specificforce",
-}
+_MENTIONS = {"gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate", "accel": r"acc(?!u|ept|ess)|specificforce"}
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis

@@ -91,11 +91,7 @@ _TABLES = (
     KnownTable(
         "Movella DOT",
         (r"SampleTimeFine", r"(Acc|Gyr)_X"),
-        (
-            (r"SampleTimeFine", "time", "us"),
-            (r"Gyr_([XYZ])", "gyro", _DEG),
-            (r"Acc_([XYZ])", "accel", _SI),
-        ),
+        ((r"SampleTimeFine", "time", "us"), (r"Gyr_([XYZ])", "gyro", _DEG), (r"Acc_([XYZ])", "accel", _SI)),
         above=r"DeviceTag|MeasurementMode",
     ),
     KnownTable(
@@ -110,10 +106,7 @@ _TABLES = (
     KnownTable(
         "MicroStrain's SensorConnect",
         (r".*\bscaled(Accel|Gyro)X",),
-        (
-            (r".*\bscaledGyro([XYZ])", "gyro", _RAD),
-            (r".*\bscaledAccel([XYZ])", "accel", _G),
-        ),
+        ((r".*\bscaledGyro([XYZ])", "gyro", _RAD), (r".*\bscaledAccel([XYZ])", "accel", _G)),
     ),
     KnownTable(
         "INSTINCT",

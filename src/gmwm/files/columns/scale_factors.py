@@ -19,13 +19,9 @@ _MIDDLE = 2**15
 
 
 def multiply(
-    layout: Layout,
-    choice: ColumnChoice,
-    factors: Mapping[str, float],
-    increments: Sequence[str],
-    raw: Mapping[str, Vector],
-    rate: float,
-) -> tuple[Remark, ...]:
+    layout: Layout, choice: ColumnChoice, factors: Mapping[str, float], increments: Sequence[str],
+    raw: Mapping[str, Vector], rate: float,
+) -> tuple[Remark, ...]:  # fmt: skip
     """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
     the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
     both."""

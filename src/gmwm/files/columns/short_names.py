@@ -17,16 +17,14 @@ _SENSORS = {
 
 # For each sensor, patterns of the words of a name without blanks. A group matches the axis.
 _TRIPLES: tuple[tuple[str, str, Sequence[str], str], ...] = (
-    ("gyro", r"([pqr])", "pqr", ""),
-    ("gyro", rf"(roll|pitch|yaw){_TURNS}", ("roll", "pitch", "yaw"), ""),
-    ("gyro", rf"{_TURNS}(roll|pitch|yaw)", ("roll", "pitch", "yaw"), ""),
-    ("accel", r"t([xyz])", "xyz", r"w[xyz]"),
+    ("gyro", r"([pqr])", "pqr", ""), ("gyro", rf"(roll|pitch|yaw){_TURNS}", ("roll", "pitch", "yaw"), ""),
+    ("gyro", rf"{_TURNS}(roll|pitch|yaw)", ("roll", "pitch", "yaw"), ""), ("accel", r"t([xyz])", "xyz", r"w[xyz]"),
     *(
         (sensor, rf"{words}({'|'.join(digits)})", digits, "")
         for sensor, words in _SENSORS.items()
         for digits in ("123", "012")
     ),
-)
+)  # fmt: skip
 _TIMES = (
     "systime", "systemtime", "hosttime", "imutime", "imutimestamp", "sensortimestamp", "unixtime", "epochtime",
     "uptime", "boottime", "itow", "sow", "gpssow", "gpsseconds", "secondsofweek", "timeofweek", "timeboot",
@@ -45,10 +43,10 @@ def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, int]
     """
     missing, words = set(roles), ["".join(bare_words(name)) for name in names]
     out: dict[str, int] = {}
-    for sensor, pattern, letters, beside in _TRIPLES:
+    for sensor, pattern, letters, neighbour in _TRIPLES:
         if not {f"{sensor}_{axis}" for axis in "xyz"} <= missing - set(out):
             continue
-        if beside and not any(re.fullmatch(beside, word) for word in words):
+        if neighbour and not any(re.fullmatch(neighbour, word) for word in words):
             continue
         places = [(match[1], k) for k, word in enumerate(words) if (match := re.fullmatch(pattern, word))]
         if sorted(letter for letter, _ in places) == sorted(letters):

@@ -195,12 +195,10 @@ def _pair_tables(gyro: _ArchiveTable, accel: _ArchiveTable) -> Layout | None:
     ]
     paired = Remark.of("file-content", case="pairs", gyro=gyro.layout.topic, accel=accel.layout.topic, left=unpaired)
     return Layout(
-        (*gyro.layout.channels, *channels),
-        (*gyro.layout.first_row, *accel.layout.first_row),
+        (*gyro.layout.channels, *channels), (*gyro.layout.first_row, *accel.layout.first_row),
         units={**accel.layout.units, **gyro.layout.units},
-        remarks=(*gyro.layout.remarks, *accel.layout.remarks, paired),
-        state=_TablePair((gyro, accel), first, rows),
-    )
+        remarks=(*gyro.layout.remarks, *accel.layout.remarks, paired), state=_TablePair((gyro, accel), first, rows),
+    )  # fmt: skip
 
 
 def _pair_rows(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:

@@ -191,10 +191,8 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         begin = " ".join(f"{byte:02x}" for byte in message[:4])
         raise ReadError(
             f"a message of type {definition.name} begins with the bytes {begin or '(none)'}, expected CDR (00 00 or "
-            "00 01)",
-            code="message-encoding",
-            advice=_COPY_OR_EXPORT,
-        )
+            "00 01)", code="message-encoding", advice=_COPY_OR_EXPORT,
+        )  # fmt: skip
     start = 4 if cdr else 0
     walk = _Walk(
         definition=definition, message=message, wanted=frozenset(wanted),

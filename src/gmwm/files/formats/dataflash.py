@@ -91,9 +91,7 @@ class DataflashReader(Reader):
         layouts = [_layout(summary, key, remarks) for key in sorted(summary.counts)]
         if not layouts:
             raise ReadError(
-                f"{path} holds none of the messages IMU, ACC and GYR",
-                code="no-inertial-data",
-                advice=ADVICE,
+                f"{path} holds none of the messages IMU, ACC and GYR", code="no-inertial-data", advice=ADVICE
             )
         return tuple(layouts)
 

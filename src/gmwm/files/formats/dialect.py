@@ -272,13 +272,9 @@ def _trim(cells: list[str], columns: int) -> list[str]:
 
 
 def _split_stamp_header(
-    header: list[tuple[int, list[str]]],
-    body: list[tuple[int, str]],
-    comments: list[str],
-    row: list[str],
-    delimiter: str,
-    where: tuple[object, int],
-) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    header: list[tuple[int, list[str]]], body: list[tuple[int, str]], comments: list[str], row: list[str],
+    delimiter: str, where: tuple[object, int],
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:  # fmt: skip
     """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; else
     None."""
     at = parted_stamp(row)
@@ -301,13 +297,9 @@ def _split_stamp_header(
 
 
 def _header(
-    header: list[tuple[int, list[str]]],
-    body: list[tuple[int, str]],
-    comments: list[str],
-    columns: int,
-    delimiter: str,
+    header: list[tuple[int, list[str]]], body: list[tuple[int, str]], comments: list[str], columns: int, delimiter: str,
     where: tuple[object, int],
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+) -> tuple[tuple[str, ...], tuple[str, ...]]:  # fmt: skip
     """Return names and units of the columns from the lines above the numbers."""
     # A header may have another delimiter than the rows, for example commas above blanks.
     texts = dict(body)

@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, ReadError
 from gmwm.files.contract import Layout, damage_error, register
-from gmwm.files.formats.arrays import (
-    Array,
-    ArraysReader,
-    fields_of,
-    first_line,
-    layouts_of,
-    part_of,
-)
+from gmwm.files.formats.arrays import Array, ArraysReader, fields_of, first_line, layouts_of, part_of
 from gmwm.files.formats.byte_sources import ZIP, FileSource, MemberSource, file_names, open_archive, require_ratio
 
 

@@ -237,11 +237,9 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
         if len(best) == 1 and not has_temperature:
             remark = Remark.of("file-content", case="temperature", topic=topic.name)
             out[best[0]] = replace(
-                layout,
-                channels=(*layout.channels, Channel(TEMPERATURE, "°C", "temperature")),
-                state=replace(layout.state, temperature=topic),
-                remarks=(*layout.remarks, remark),
-            )
+                layout, channels=(*layout.channels, Channel(TEMPERATURE, "°C", "temperature")),
+                state=replace(layout.state, temperature=topic), remarks=(*layout.remarks, remark),
+            )  # fmt: skip
     return out
 
 

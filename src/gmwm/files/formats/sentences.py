@@ -205,7 +205,9 @@ def _sentences(path: Path) -> Iterator[tuple[str, str, bytes | None]]:
     with path.open("rb") as file:
         while line := file.readline(_LINE_BYTES):
             starts = [match.start() for match in _START.finditer(line)]
-            before = line[: starts[0]].strip(b" ,;\t->").decode("latin-1") if starts else ""
+            if not starts:
+                continue
+            before = line[: starts[0]].strip(b" ,;\t->").decode("latin-1")
             for begin, end in zip(starts, [*starts[1:], len(line)], strict=True):
                 piece = line[begin:end]
                 match, name = _SENTENCE.fullmatch(piece), piece[1 : piece.index(b",")].decode()

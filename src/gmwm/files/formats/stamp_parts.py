@@ -48,11 +48,11 @@ class StampParts:
 def find_parts(names: Sequence[str], integers: Sequence[bool], rows: Sequence[Sequence[str]]) -> StampParts | None:
     """Find the columns of time stamps in two parts, by the names of the seconds and by the numbers of the fraction,
     which begins again in each second."""
-    whole = [k for k, name in enumerate(names) if integers[k] and _may_be_seconds(name)]
+    seconds = [k for k, name in enumerate(names) if integers[k] and _may_be_seconds(name)]
     others = [
         k for k, name in enumerate(names) if integers[k] and not recognise(name).axis.startswith(("gyro", "accel"))
     ]
-    for k in whole:
+    for k in seconds:
         for other in others:
             if other != k and (parts := _fitting(k, other, names[other], rows[:_MOST_ROWS])) is not None:
                 return parts

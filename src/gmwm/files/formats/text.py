@@ -113,9 +113,9 @@ class TextReader(Reader):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             if k in roles and not dialect.stamps[k]:
-                role, known = roles[k]
+                role, documented = roles[k]
                 stated, scale = ("", 1.0) if named_unit(name, role) else logged.get(role[:-2], ("", 1.0))
-                channels.append(Channel(name, known or unit or stated, role, scale=scale))
+                channels.append(Channel(name, documented or unit or stated, role, scale=scale))
             elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
@@ -285,10 +285,8 @@ def _require_end(source: FileSource, layout: Layout) -> None:
     if cut and not layout.skip_bad_lines:
         raise ReadError(
             f"{source} ends within a number: its last line ends in {cut[0]!r} without a line end, the lines before in "
-            f"numbers like {cut[1]!r}",
-            code="cut-off",
-            advice="Remove the last line." + OR_SKIP,
-        )
+            f"numbers like {cut[1]!r}", code="cut-off", advice="Remove the last line." + OR_SKIP,
+        )  # fmt: skip
 
 
 def _lacks_digits(cell: str, others: Sequence[str]) -> bool:

@@ -273,10 +273,8 @@ class RowParser:
         if column in self.long and not re.fullmatch(r"[+-]?\d+", cell):
             return ReadError(
                 f"{self.source}, line {line}: column {name!r} holds {cell!r} among integers of more than "
-                f"{_BIG_INTEGER} digits",
-                code="row-invalid",
-                advice="Write all of them as integers." + OR_SKIP,
-            )
+                f"{_BIG_INTEGER} digits", code="row-invalid", advice="Write all of them as integers." + OR_SKIP,
+            )  # fmt: skip
         return None
 
 

@@ -140,11 +140,9 @@ def _layout(message: UlogMessage, found: _SensorSummary) -> Layout | None:
     channels += [Channel(name, _UNITS[axes[name].split("_")[0]], axes[name]) for name in names]
     first, last = found.edges[stamp]
     return Layout(
-        tuple(channels),
-        topic=message.topic,
-        state=_UlogFields(message, (stamp, *names)),
+        tuple(channels), topic=message.topic, state=_UlogFields(message, (stamp, *names)),
         extent=(found.count, (last - first) / 1e6),
-    )
+    )  # fmt: skip
 
 
 def _with_temperature(layout: Layout, found: Mapping[UlogMessage, _SensorSummary], selected: int) -> Layout:

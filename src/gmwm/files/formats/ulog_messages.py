@@ -74,12 +74,10 @@ class Log:
                 tail, begin = block[used:], begin + used
         if tail:
             raise ReadError(
-                f"{self.path} ends within a message",
-                code="cut-off",
+                f"{self.path} ends within a message", code="cut-off",
                 advice="Copy it again. If the autopilot lost its power, install pyulog and save the complete messages "
-                "with `pyulog.ULog('{name}').write_ulog('complete.ulg')`.",
-                name=str(self.path),
-            )
+                "with `pyulog.ULog('{name}').write_ulog('complete.ulg')`.", name=str(self.path),
+            )  # fmt: skip
 
     def _walk(self, block: bytes, begin: int, names: tuple[str, ...]) -> tuple[dict[int, list[int]], int]:
         """Return the positions of the wanted messages in a block at byte `begin`, and the number of bytes used."""

@@ -101,11 +101,9 @@ class ImuReader(RecordsReader):
         likely = [kind for kind in fitting if _heavy(head, kind)] or fitting
         raise ReadError(
             f"{path} holds records of 32 bytes, whose scale depends on the sensor; its accelerometers show {meaning}",
-            code="sensor-ambiguous",
-            argument="format",
-            advice="Name the sensor with {--format}; these fit: {formats}.",
+            code="sensor-ambiguous", argument="format", advice="Name the sensor with {--format}; these fit: {formats}.",
             formats=_formats(likely),
-        )
+        )  # fmt: skip
 
 
 def _register(of: RecordType) -> None:
@@ -160,10 +158,8 @@ def require_times(
         first = ", ".join(f"{t:.6g}" for t in times[:4])
         raise ReadError(
             f"{path}: as records of {dtype.itemsize} bytes its times are not plausible ({first})",
-            code="time-implausible",
-            advice=advice,
-            formats=formats,
-        )
+            code="time-implausible", advice=advice, formats=formats,
+        )  # fmt: skip
 
 
 def _layout(path: Path, kind: RecordType, name: str) -> Layout:

@@ -93,8 +93,8 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
         return _given(axes, _rate(rate, None, text), "datasheet", text)
     try:
         form, content = _recognised(path, part)
-        known = form.rate(content)
-        needed = rate if rate is not None else known
+        stated_rate = form.rate(content)
+        needed = rate if rate is not None else stated_rate
         if form.needs_rate and needed is None:
             raise OptionError(
                 f"{path} of {form.name} has numbers for one sampling rate, but not the rate",
@@ -103,8 +103,8 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
         values = form.read(content, needed)
     except ReadError as error:
         raise error.at(str(path)) from error
-    found = _given(dict(values), _rate(rate, known, str(path)), form.name, str(path))
-    return replace(found, written={axis: form.written(content, axis) for axis in values})
+    noise = _given(dict(values), _rate(rate, stated_rate, str(path)), form.name, str(path))
+    return replace(noise, written={axis: form.written(content, axis) for axis in values})
 
 
 def _is_file(path: Path) -> bool:
@@ -140,9 +140,9 @@ def _rate(given: float | None, known: float | None, source: str) -> float:
 
 
 def _given(axes: Mapping[str, Values | Model], rate: float, format: str, source: str) -> Given:
-    models = {axis: one if isinstance(one, Model) else one.model(rate) for axis, one in axes.items()}
+    models = {axis: entry if isinstance(entry, Model) else entry.model(rate) for axis, entry in axes.items()}
     for axis, model in models.items():
         if missing := [name for name, value in model.parameters.items() if value is None]:
             raise OptionError(argument="source", expected=f"a value for {', '.join(missing)} of {axis}", got=str(model))
-    values = {axis: one for axis, one in axes.items() if isinstance(one, Values)}
+    values = {axis: entry for axis, entry in axes.items() if isinstance(entry, Values)}
     return Given(models=models, values=values, rate=rate, format=format, source=source)

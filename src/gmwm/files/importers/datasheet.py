@@ -46,7 +46,7 @@ def read_datasheet(text: str) -> dict[str, Values | Model]:
     >>> read_datasheet("gyro_x: N=60 deg/√h")["gyro_x"].N == read_datasheet("gyro_x: N=1 deg/s/√Hz")["gyro_x"].N
     True
     """
-    found: dict[str, Values | Model] = {}
+    axes: dict[str, Values | Model] = {}
     for part in (part for part in text.split(";") if part.strip()):
         place, colon, body = (piece.strip() for piece in part.partition(":"))
         if not colon or place not in (*SI_UNIT, *AXES):
@@ -56,16 +56,16 @@ def read_datasheet(text: str) -> dict[str, Values | Model]:
         values: Values | Model = _values(body, place, quantity) if _IS_NUMBER.match(body) else Model.parse(body)
         for axis in AXES:
             if axis == place or axis.rpartition("_")[0] == place:
-                if axis in found:
+                if axis in axes:
                     raise OptionError(argument="source", expected=f"{axis} once", got=text)
-                found[axis] = values
-    if not found:
+                axes[axis] = values
+    if not axes:
         raise OptionError(argument="source", expected=f"text such as '{EXAMPLE}'", got=text)
-    return found
+    return axes
 
 
 def _values(body: str, place: str, quantity: Quantity) -> Values:
-    given: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     for part in body.split(","):
         match = _PART.fullmatch(part)
         name = _NAMES.get(match[1]) if match else None
@@ -82,13 +82,13 @@ def _values(body: str, place: str, quantity: Quantity) -> Values:
                 raise OptionError(argument="source", expected="a correlation time after B or sigma only", got=part)
             pairs["time"] = parse_length(match[4].strip(), "source")
         for key, value in pairs.items():
-            if key in given:
+            if key in numbers:
                 raise OptionError(argument="source", expected=f"{key} once for {place}", got=body)
-            given[key] = value
-    if "time" in given and not given.keys() & {"B", "sigma"}:
+            numbers[key] = value
+    if "time" in numbers and not numbers.keys() & {"B", "sigma"}:
         raise OptionError(argument="source", expected="B or sigma beside a correlation time", got=body)
-    if "sigma" in given and "time" not in given:
+    if "sigma" in numbers and "time" not in numbers:
         raise OptionError(argument="source", expected="a correlation time, as in sigma=5deg/h over 100s", got=body)
-    if {"B", "sigma"} <= given.keys():
+    if {"B", "sigma"} <= numbers.keys():
         raise OptionError(argument="source", expected="B or sigma, not both", got=body)
-    return Values(**given)
+    return Values(**numbers)

@@ -117,9 +117,11 @@ def _of_lines(text: str) -> Iterator[Entry]:
         words = re.split(r"[\s,:=]+", re.sub(r"(?<!\S)#.*", "", content).strip())
         at = next((k for k in range(len(words) - 2, -1, -1) if re.fullmatch(r"[A-Za-z]\w*(?:\.\w+)*", words[k])), None)
         if at is not None:
-            rest = words[at + 1 :]
+            cells = words[at + 1 :]
             # QGroundControl writes the number of the type behind the value.
-            yield Entry(words[at], (), line, (rest[0] if len(rest) == 1 or rest[1].isdecimal() else " ".join(rest),))
+            yield Entry(
+                words[at], (), line, (cells[0] if len(cells) == 1 or cells[1].isdecimal() else " ".join(cells),)
+            )
 
 
 def _names(entry: Entry, key: str) -> bool:

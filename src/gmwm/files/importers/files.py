@@ -63,17 +63,17 @@ class Format:
         """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
         several times."""
         quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
-        found: dict[str, tuple[str, float | None]] = {}
+        entries: dict[str, tuple[str, float | None]] = {}
         for symbol, key in self.names.get(quantity, {}).items():
             values = document.numbers(key, _unit(self.density, symbol, quantity)) if self.one else None
             value = None if not values else values["xyz".index(axis[-1])] if len(values) == 3 else values[0]
-            found[symbol] = (key, value)
-        return found
+            entries[symbol] = (key, value)
+        return entries
 
     def rate(self, document: Document) -> float | None:
         """Return the sampling rate in a file, if there is one."""
-        found = document.numbers(self.rate_key) if self.rate_key else None
-        return found[0] if found else None
+        numbers = document.numbers(self.rate_key) if self.rate_key else None
+        return numbers[0] if numbers else None
 
 
 def _required(document: Document, key: str, unit: str = "") -> list[float]:
@@ -95,7 +95,7 @@ def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, floa
     number in the file, given the sampling rate, to a density."""
 
     def read(document: Document, rate: float | None) -> Found:
-        found: Found = {}
+        axes: Found = {}
         for sensor, pair in keys.items():
             if all(document.find(key) is None for key in pair):
                 continue
@@ -108,8 +108,8 @@ def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, floa
                     advice="Write the number, or remove the keys of this sensor.",
                 )
             for k, letter in enumerate("xyz"):
-                found[f"{sensor}_{letter}"] = Values(N=change(white[k], rate), K=change(walk[k], rate))
-        return found
+                axes[f"{sensor}_{letter}"] = Values(N=change(white[k], rate), K=change(walk[k], rate))
+        return axes
 
     return read
 
@@ -136,31 +136,31 @@ def _for_step(step: float) -> Callable[[float, float | None], float]:
 
 def _imu_utils(document: Document, rate: float | None) -> Found:
     """Read a file of imu_utils: gyr_n is √f times the Allan deviation at 1 s, and gyr_w is its minimum."""
-    found: Found = {}
+    axes: Found = {}
     for sensor, short in (("gyro", "gyr"), ("accel", "acc")):
         for letter in "xyz":
             axis = f"{letter}-axis"
             entries = tuple(entry for entry in document.entries if axis in entry.above)
             white, floor = (Document(entries, "").numbers(f"{short}_{symbol}") for symbol in "nw")
             if white and floor:
-                found[f"{sensor}_{letter}"] = Values(N=_per_step(white[0], rate), B=floor[0] / FLOOR)
-    if not found:
+                axes[f"{sensor}_{letter}"] = Values(N=_per_step(white[0], rate), B=floor[0] / FLOOR)
+    if not axes:
         raise ReadError("the file has no numbers of the axes x, y and z", advice="Use the file that imu_utils wrote.")
-    return found
+    return axes
 
 
 def _kf_gins(document: Document, rate: float | None) -> Found:
     """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
     time = 3600.0 * _required(document, "corrtime")[0]
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
-    found: Found = {}
+    axes: Found = {}
     values = {key: _three(document, key) for key in sizes}
     for sensor, white, bias in (("gyro", "arw", "gbstd"), ("accel", "vrw", "abstd")):
         for k, letter in enumerate("xyz"):
-            found[f"{sensor}_{letter}"] = Values(
+            axes[f"{sensor}_{letter}"] = Values(
                 N=values[white][k] * sizes[white], sigma=values[bias][k] * sizes[bias], time=time
             )
-    return found
+    return axes
 
 
 def _three(document: Document, key: str, unit: str = "") -> list[float]:
@@ -171,7 +171,7 @@ def _matlab(document: Document, rate: float | None) -> Found:
     """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
     numbers in the code by the factor √2, and K is larger by this factor."""
     code = re.sub(r"%[^\n]*", "", document.text).replace("...", "")
-    found: Found = {}
+    axes: Found = {}
     for sensor in _QUANTITIES:
         body = re.search(rf"{sensor}params\((.*?)\)\s*;", code, re.DOTALL)
         if body is None:
@@ -180,13 +180,13 @@ def _matlab(document: Document, rate: float | None) -> Found:
         factor = 1.0 if kind and kind[1] == "single-sided" else math.sqrt(2)
         rows = {key: _named_row(body[1], key) for key in ("NoiseDensity", "RandomWalk", "BiasInstability")}
         for k, letter in enumerate("xyz"):
-            found[f"{sensor}_{letter}"] = Values(
+            axes[f"{sensor}_{letter}"] = Values(
                 N=rows["NoiseDensity"][k] / factor, K=rows["RandomWalk"][k] * factor,
                 B=rows["BiasInstability"][k] / factor,
             )  # fmt: skip
-    if not found:
+    if not axes:
         raise ReadError("the file has no call of gyroparams or accelparams that ends with );")
-    return found
+    return axes
 
 
 def _named_row(body: str, key: str) -> list[float]:

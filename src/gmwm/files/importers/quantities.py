@@ -56,10 +56,10 @@ def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str 
     """
     try:
         value, unit = given
-        whole = isinstance(unit, str) and not isinstance(value, bool) and 0 < float(value) < math.inf
+        valid = isinstance(unit, str) and not isinstance(value, bool) and 0 < float(value) < math.inf
     except (TypeError, ValueError, OverflowError):
-        whole = False
-    if not whole:
+        valid = False
+    if not valid:
         expected = f"a positive number and its unit for {name}, such as (2.0, 'deg/√h')"
         raise OptionError(argument=argument, expected=expected, got=given)
     return Reference(float(value), unit, float(value) * _factor(name, unit, si, argument))
@@ -67,8 +67,8 @@ def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str 
 
 def _factor(name: str, text: str, si: str, argument: str) -> float:
     """Return the factor that converts a unit to the SI unit."""
-    known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
-    if (size := known.get(spelt(text))) is not None:
+    sizes = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
+    if (size := sizes.get(spelt(text))) is not None:
         return size
     # A number in the unit of the signal may have any unit of the signal.
     signal = find_unit(text)
@@ -84,10 +84,10 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
     >>> parse_reference("gyro.N = 2.0 deg/√h")
     ('gyro.N', (2.0, 'deg/√h'))
     """
-    name, mark, given = (part.strip() for part in text.partition("="))
-    match = _VALUE.fullmatch(given)
+    name, mark, quantity = (part.strip() for part in text.partition("="))
+    match = _VALUE.fullmatch(quantity)
     sensor, dot, symbol = name.rpartition(".")
-    if not mark or not sensor or not dot or not symbol or match is None or not given:
+    if not mark or not sensor or not dot or not symbol or match is None or not quantity:
         raise OptionError(argument="reference", expected=_REFERENCE, got=text)
     try:
         value = float(match[1])
@@ -98,9 +98,7 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
         raise OptionError(argument="reference", expected=_REFERENCE, got=text, advice=advice, number=number) from None
     if not match[2]:
         raise OptionError(
-            f"the value of {name} has no unit: {given}",
-            argument="reference",
-            got=text,
+            f"the value of {name} has no unit: {quantity}", argument="reference", got=text,
             advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
-        )
+        )  # fmt: skip
     return name, (value, match[2])

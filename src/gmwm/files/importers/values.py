@@ -74,23 +74,23 @@ class Values:
         for name, value in vars(self).items():
             if value and not smallest < abs(value) < largest:
                 raise ModelError(f"{name} must be between {smallest:g} and {largest:g} in SI units; got {value:g}")
-        found: list[Process] = []
+        processes: list[Process] = []
         if self.N:
-            found.append(WN(sigma2=_product(self.N, self.N, rate)))
+            processes.append(WN(sigma2=_product(self.N, self.N, rate)))
         if self.Q:
-            found.append(QN(q2=_product(self.Q, self.Q, rate, rate)))
+            processes.append(QN(q2=_product(self.Q, self.Q, rate, rate)))
         if self.time and (self.sigma or self.B):
             sigma = self.sigma if self.sigma else (self.B or 0.0) * FLOOR / PEAK
-            found.append(GM(beta=1.0 / self.time, sigma2=sigma**2))
+            processes.append(GM(beta=1.0 / self.time, sigma2=sigma**2))
         elif self.B:
-            found.append(FN(b2=self.B**2))
+            processes.append(FN(b2=self.B**2))
         if self.K:
-            found.append(RW(gamma2=float(f"{self.K**2 / rate:.15g}")))
+            processes.append(RW(gamma2=float(f"{self.K**2 / rate:.15g}")))
         if self.R:
-            found.append(DR(omega=self.R / rate))
-        if not found:
+            processes.append(DR(omega=self.R / rate))
+        if not processes:
             raise ModelError("there is no noise: every number is zero", advice="Give N, such as N=0.15deg/√h.")
-        return Model(tuple(found))
+        return Model(tuple(processes))
 
     def merged(self, other: Values) -> Values:
         """Return the numbers together with the numbers of `other`.
@@ -100,10 +100,10 @@ class Values:
         OptionError
             If a number is given twice.
         """
-        given = {name: value for name, value in vars(other).items() if value is not None}
-        if twice := [name for name in given if getattr(self, name) is not None]:
+        numbers = {name: value for name, value in vars(other).items() if value is not None}
+        if twice := [name for name in numbers if getattr(self, name) is not None]:
             raise OptionError(argument="source", expected=f"{twice[0]} once for each axis", got=twice[0])
-        return replace(self, **given)
+        return replace(self, **numbers)
 
 
 def _product(*factors: float) -> float:

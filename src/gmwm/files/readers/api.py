@@ -24,21 +24,12 @@ from gmwm.recording.time_ranges import between_times, kept_ranges
 
 
 def read(
-    path: Source,
-    rate: float | None = None,
-    columns: Columns | None = None,
-    units: Mapping[str, str] | None = None,
+    path: Source, rate: float | None = None, columns: Columns | None = None, units: Mapping[str, str] | None = None,
     *,
-    gaps: Gaps = "keep",
-    bad_lines: BadLines = "error",
-    format: str | None = None,
-    scale: Mapping[str, float] | None = None,
-    increments: bool | Sequence[str] = (),
-    topic: str | None = None,
-    start: float | None = None,
-    stop: float | None = None,
-    skip: Sequence[tuple[float, float]] = (),
-) -> Imu:
+    gaps: Gaps = "keep", bad_lines: BadLines = "error", format: str | None = None,
+    scale: Mapping[str, float] | None = None, increments: bool | Sequence[str] = (), topic: str | None = None,
+    start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = (),
+) -> Imu:  # fmt: skip
     """Read a static recording from a file, in rad/s and m/s².
 
     Parameters
@@ -125,21 +116,12 @@ def read(
 
 
 def stream(
-    path: Source,
-    rate: float | None = None,
-    columns: Columns | None = None,
-    units: Mapping[str, str] | None = None,
+    path: Source, rate: float | None = None, columns: Columns | None = None, units: Mapping[str, str] | None = None,
     *,
-    chunk: int = CHUNK,
-    format: str | None = None,
-    scale: Mapping[str, float] | None = None,
-    increments: bool | Sequence[str] = (),
-    topic: str | None = None,
-    start: float | None = None,
-    stop: float | None = None,
-    skip: Sequence[tuple[float, float]] = (),
-    bad_lines: BadLines = "error",
-) -> Stream:
+    chunk: int = CHUNK, format: str | None = None, scale: Mapping[str, float] | None = None,
+    increments: bool | Sequence[str] = (), topic: str | None = None, start: float | None = None,
+    stop: float | None = None, skip: Sequence[tuple[float, float]] = (), bad_lines: BadLines = "error",
+) -> Stream:  # fmt: skip
     """Stream a static recording from a file, in rad/s and m/s², chunk by chunk, for files larger than memory.
 
     Samples, temperature, rate, segments and remarks are the same as from `read`: the time stamps of the whole file are

@@ -173,12 +173,9 @@ class SampleBuilder:
         self._broken = bool(lost[-1])
 
     def _samples(
-        self,
-        ready: dict[str, Vector],
-        turns: NDArray[np.int64],
-        clock: tuple[NDArray[np.int64], Vector],
+        self, ready: dict[str, Vector], turns: NDArray[np.int64], clock: tuple[NDArray[np.int64], Vector],
         rows: _RowNumbers,
-    ) -> Samples:
+    ) -> Samples:  # fmt: skip
         """Make `Samples` from values in SI units. `turns` are the positions at which a segment begins."""
         begins = self._broken or bool(turns.size and turns[0] == 0)
         gap = begins and self._next > 0  # lost rows before the first sample are no gap

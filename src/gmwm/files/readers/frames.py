@@ -64,11 +64,9 @@ def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, s
     layouts = layouts_of(arrays, _NAME)
     if len(layouts) > 1:
         raise DataError(
-            argument="arrays",
-            expected="columns of one recording, of the same length",
-            got=", ".join(array.name for array in arrays),
-            advice="Pass the columns of one sensor.",
-        )
+            argument="arrays", expected="columns of one recording, of the same length",
+            got=", ".join(array.name for array in arrays), advice="Pass the columns of one sensor.",
+        )  # fmt: skip
     layout = layouts[0]
     choice = choose(layout, options.columns, _NAME)
     require_time(layout, choice, options.rate, _NAME)

@@ -112,7 +112,9 @@ def understand(
     rate, integrals = time.base.rate, options.integrals
     ones = {axis: np.ones(1) for axis in choice.axes}
     counts = _first_samples(rows, choice, axes)
-    offset = [s for s in SI_UNIT if (own := [a for a in axes if axis_quantity(a) == s]) and offset_counts(own, counts)]
+    offset = [
+        s for s in SI_UNIT if (members := [a for a in axes if axis_quantity(a) == s]) and offset_counts(members, counts)
+    ]
     about_scale = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=rate)
     numbers = {axis: values * ones[axis] for axis, values in counts.items()}
     scales = resolve(layout, choice, declared=options.units, values=numbers, rate=rate, increments=integrals)
@@ -248,10 +250,8 @@ def require_time(layout: Layout, choice: ColumnChoice, rate: float | None, path:
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
                 f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
-                "expected numbers",
-                code="column-not-numbers",
-                advice="Name another column for it with {--columns}.",
-            )
+                "expected numbers", code="column-not-numbers", advice="Name another column for it with {--columns}.",
+            )  # fmt: skip
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
             raise ReadError(

@@ -205,8 +205,6 @@ def _open(part: Part) -> tuple[Reader, Layout]:
     if path.stat().st_size != part.bytes:
         raise ReadError(
             f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: "
-            "the file was replaced or changed",
-            code="changed",
-            advice="Divide the recording again.",
-        )
+            "the file was replaced or changed", code="changed", advice="Divide the recording again.",
+        )  # fmt: skip
     return reopen(path, part.format, part.topic, skip_bad_lines=part.skip_bad_lines)

@@ -180,18 +180,10 @@ class Stream:
     def wavelet_variance(
         self,
         *,
-        levels: int | None = None,
-        exact: int | None = None,
-        robust: bool = False,
-        efficiency: float = 0.6,
-        passes: int = 2,
-        confidence: float = 0.95,
-        threads: int | None = None,
-        scheduler: str | Client | None = None,
-        workers: int | None = None,
-        parts: int | None = None,
-        done: Callable[[int], None] | None = None,
-    ) -> WaveletVariances:
+        levels: int | None = None, exact: int | None = None, robust: bool = False, efficiency: float = 0.6,
+        passes: int = 2, confidence: float = 0.95, threads: int | None = None, scheduler: str | Client | None = None,
+        workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
+    ) -> WaveletVariances:  # fmt: skip
         """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
 
         By default, the wavelet variance of up to 8.4 million samples of six axes equals the result of
@@ -257,11 +249,9 @@ class Stream:
     def psd(
         self,
         *,
-        length: int | None = None,
-        detrend: Detrend = "constant",
-        confidence: float = 0.95,
+        length: int | None = None, detrend: Detrend = "constant", confidence: float = 0.95,
         done: Callable[[int], None] | None = None,
-    ) -> PowerSpectra:
+    ) -> PowerSpectra:  # fmt: skip
         """Estimate the power spectral density of each axis in one pass; see `gmwm.psd`.
 
         Parameters

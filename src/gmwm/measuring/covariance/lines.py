@@ -130,7 +130,7 @@ def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design)
 def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
     """Compute the mean (J,) of e^(2πi t cycles) over the times t of the coefficients of each level."""
     levels, counts = (tuple(values.tolist()) for values in (design.levels, design.counts))
-    return _mean_turns(cycles, levels, counts, design.samples, design.transform == "dwt")
+    return _mean_turns(cycles, levels, counts, samples=design.samples, decimated=design.transform == "dwt")
 
 
 @lru_cache(maxsize=1024)

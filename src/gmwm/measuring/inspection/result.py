@@ -135,13 +135,21 @@ REST: Mapping[Dialect, str] = {
 """The option that shows the remarks that the text does not contain."""
 
 
+def _segment_words(inspection: Inspection) -> str:
+    """Return the number of segments in the file, and the number after short gaps are filled, as text."""
+    if inspection.segments < 2:
+        return ""
+    unbroken = next((remark.facts["segments"] for remark in inspection.remarks if remark.code == "gaps"), 1)
+    filled = f", {unbroken} after short gaps are filled" if unbroken != inspection.segments else ""
+    return f" in {inspection.segments} segments{filled}"
+
+
 def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
     """Describe the result of an inspection as text, with options as in Python or in the shell; see
     `Inspection.summary`."""
     lines = [
-        f"{inspection.source or 'recording'}: {inspection.samples} samples at {inspection.rate:.10g} Hz, "
-        f"{duration_text(inspection.duration)}"
-        + (f" in {inspection.segments} segments" if inspection.segments > 1 else ""),
+        f"{inspection.source or 'recording'}: {inspection.samples} samples at {inspection.rate:g} Hz, "
+        f"{duration_text(inspection.duration)}" + _segment_words(inspection),
         f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
     ]
     for name, axis in inspection.axes.items():

@@ -263,7 +263,7 @@ def contamination(
     >>> x = np.random.default_rng(1).normal(size=100_000)
     >>> verdict = contamination(x, rate=100.0)
     >>> verdict.contaminated, [remark.code for remark in verdict.remarks]
-    (False, ['outliers-absent'])
+    (False, ['check-passed'])
     >>> x[50_000:50_100] *= 30.0
     >>> verdict = contamination(x, rate=100.0, comparisons=6)
     >>> verdict.contaminated, verdict.pvalue < 1e-6

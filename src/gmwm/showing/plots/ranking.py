@@ -107,17 +107,24 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
 
 
 def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """Return the panel with the distance of each model from the data, in units of the confidence limits."""
-    wv = candidates[0].fit.wavelet_variance
+    curves = [(_name(c), np.asarray(c.fit.implied), stroke) for c, stroke in zip(candidates, strokes, strict=True)]
+    return distance_panel(candidates[0].fit.wavelet_variance, curves, view, units)
+
+
+def distance_panel(
+    wv: WaveletVariance, models: Sequence[tuple[str, Vector, Stroke]], view: ViewName, units: UnitSystem
+) -> Panel:
+    """Return the panel with the distance of each model from the data, in units of the confidence limits. A model has a
+    name, its wavelet variance, and a stroke."""
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
     band = confidence_band(ends, np.full(2, -1.0), np.full(2, 1.0), colour=OBSERVED.colour, label=limits_label(wv))
     marks: list[Mark] = [band, Polyline(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
-    rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
-    for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
+    rows = [distance(wv, implied) for _, implied, _ in models]
+    for (name, _, stroke), row in zip(models, rows, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Polyline(times, row, stroke=stroke, label=_name(candidate), layer=layer))
+        marks.append(Polyline(times, row, stroke=stroke, label=name, layer=layer))
     y = signed_axis(np.concatenate(rows), "Distance (confidence limit = 1)", linear=1.0, even=EVEN_DISTANCE, least=1.2)
     return Panel(x, y, tuple(marks), "Models above (+) and below (−) the data")
 

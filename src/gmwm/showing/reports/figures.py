@@ -42,11 +42,12 @@ def sensor_pictures(calibration: Calibration) -> dict[str, list[Variants]]:
     for sensor, axes in by_sensor(calibration).items():
         for unit in dict.fromkeys(fit.wavelet_variance.unit for fit in axes.values()):
             fits = {axis: fit for axis, fit in axes.items() if fit.wavelet_variance.unit == unit}
-            pictures.setdefault(sensor, []).append(_variants(_overlay(sensor, fits)))
+            pictures.setdefault(sensor, []).append(_variants(sensor_panel(sensor, fits)))
     return pictures
 
 
-def _overlay(sensor: str, fits: Mapping[str, Fit]) -> Callable[[ViewName, UnitSystem], Panel]:
+def sensor_panel(sensor: str, fits: Mapping[str, Fit]) -> Callable[[ViewName, UnitSystem], Panel]:
+    """Return a function that draws the data and the models of the axes of a sensor in a view and unit system."""
     letters = {axis: sensor_and_letter(axis)[1] for axis in fits}
     items: dict[str, Item] = {letters[axis].upper() or axis: fit for axis, fit in fits.items()}
     strokes = [letter_stroke(letter) or curve_stroke(k) for k, letter in enumerate(letters.values())]

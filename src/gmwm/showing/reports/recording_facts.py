@@ -53,7 +53,7 @@ def _file(recording: Recording) -> Facts:
 
 
 def _length(samples: int, rate: float) -> Facts:
-    return [("Sampling rate", f"{rate:.10g} Hz"), ("Length", f"{samples} samples, {duration_text(samples / rate)}")]
+    return [("Sampling rate", f"{rate:g} Hz"), ("Length", f"{samples} samples, {duration_text(samples / rate)}")]
 
 
 def _conditions(recording: Recording) -> Facts:

@@ -333,7 +333,7 @@ class Process(HaarTheory, ABC):
         m, rate = np.abs(as_lags(lags)), as_rate(rate)
         self._require("running_sum_covariance")
         if self._derives("state_space"):
-            return -0.5 * self.state_space(rate).block_variance(m)
+            return -0.5 * self.state_space(rate).block_variance(m.ravel()).reshape(m.shape)
         longest = int(m.max(initial=0))
         if longest > _LONGEST_SUM:
             raise MissingTheoryError(

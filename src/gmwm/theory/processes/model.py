@@ -573,8 +573,8 @@ def as_model(model: Any, name: str = "model") -> Model:
         return Model((model,))
     if isinstance(model, str):
         return Model.parse(model)
-    if isinstance(found := getattr(model, "model", None), Model):  # a Fit, or the calibration of an axis
-        return found
+    if isinstance(fitted := getattr(model, "model", None), Model):  # a Fit, or the calibration of an axis
+        return fitted
     raise _no_model(model, f'{name} must be a sum of processes, such as "2*GM + WN"', name)
 
 

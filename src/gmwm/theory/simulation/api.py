@@ -91,7 +91,7 @@ def simulate(
     >>> imu
     Imu(gyro_x: 1000 samples at 100 Hz, 10 s)
     >>> imu.remarks[0].facts
-    {'model': 'WN(sigma2=4e-08) + RW(gamma2=1e-14)', 'seed': 1}
+    {'case': 'simulated', 'model': 'WN(sigma2=4e-08) + RW(gamma2=1e-14)', 'seed': 1}
     >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, rng=1, components=True)
     >>> simulated["gyro_x"]["WN"]
     Signal(gyro_x WN, 1000 samples at 100 Hz, rad/s)

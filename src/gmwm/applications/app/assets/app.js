@@ -33,6 +33,34 @@
     if (answer.ok) set("dropped", { data: (await answer.json()).path });
   });
 
+  // Dash gives radio buttons, sliders and menus roles without names, and a hidden field that takes the focus.
+  const mend = () => {
+    for (const group of document.querySelectorAll(".choices .radio[role=listbox]")) {
+      group.setAttribute("role", "radiogroup");
+      group.setAttribute("aria-labelledby", `label-${group.id}`);
+    }
+    for (const option of document.querySelectorAll(".radio [role=option]")) {
+      option.removeAttribute("role");
+      option.removeAttribute("aria-selected");
+    }
+    for (const thumb of document.querySelectorAll("[role=slider]:not([aria-labelledby])")) {
+      const label = thumb.closest(".sliders > div")?.querySelector("[id^=label-]");
+      if (label) thumb.setAttribute("aria-labelledby", label.id);
+    }
+    for (const field of document.querySelectorAll(".dash-dropdown-focus-target[tabindex='0']")) field.tabIndex = -1;
+    // A table that is wider than the page can be scrolled with the keyboard.
+    for (const part of document.querySelectorAll(".wide:not([tabindex])")) {
+      if (part.scrollWidth > part.clientWidth) part.tabIndex = 0;
+    }
+    // A place that waits for a job shows its progress.
+    const doing = document.getElementById("doing")?.textContent ?? "";
+    for (const place of document.querySelectorAll(".empty .waiting")) {
+      if (doing && place.dataset.now !== doing) place.dataset.now = doing;
+    }
+  };
+  new MutationObserver(mend).observe(document, { subtree: true, childList: true, characterData: true, attributes: true,
+                                                 attributeFilter: ["role", "tabindex", "aria-selected"] });
+
   // Folded parts are opened while the page is printed.
   let closed = [];
   window.addEventListener("beforeprint", () => {

@@ -32,6 +32,7 @@ def panel() -> list[Any]:
             className="controls",
         ),
         html.P(id="error-view", className="error", role="alert"),
+        html.H2("Curves", className="unseen"),
         html.Div(id="curves", className="grid"),
         html.H2("Spectrum"),
         html.Div(id="spectra", className="grid"),
@@ -55,7 +56,9 @@ def _curves(session: Session, workspace: Workspace, width: float) -> Any:
     jobs = {robust: workspace.curves(session, robust=robust) for robust in estimators}
     first, last = jobs[estimators[0]], jobs[estimators[-1]]
     return of_job(
-        first, lambda one: of_job(last, lambda other: _curve_sections(session, (one, other)[: len(estimators)], width))
+        first,
+        lambda one: of_job(last, lambda other: _curve_sections(session, (one, other)[: len(estimators)], width)),
+        comes="the Allan deviation or wavelet variance of each sensor, and its spectrum",
     )
 
 

@@ -124,7 +124,8 @@ def _file_text(write: Callable[[Path], Any], name: str) -> str:
 
 def _preview(session: Session, workspace: Workspace, width: float) -> Any:
     return of_job(
-        workspace.calibration(session), lambda found: _block(export_text(found, session), file_name(session))
+        workspace.calibration(session), lambda found: _block(export_text(found, session), file_name(session)),
+        comes=f"the text of {file_name(session)}",
     )  # fmt: skip
 
 

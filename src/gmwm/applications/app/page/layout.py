@@ -111,7 +111,7 @@ def register(app: Dash, desk: Desk) -> None:
             return revision, "idle", "", no_update
         job = running[-1]
         share = "" if job.share is None else str(job.share)
-        return revision, "busy", f"{job.title}{': ' + job.text if job.text else ''}", share
+        return revision, "busy", job.progress, share
 
     app.callback(
         Output("revision", "data"), Output("status", "className"), Output("doing", "children"),

@@ -8,7 +8,7 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.figures import axis_at, fit_figure, misfit, movable, plotly_figure, ranking_panel
+from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual_figure
 from gmwm.applications.app.jobs import QUICK
 from gmwm.applications.app.page.render import changes, draws, triggers
 from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
@@ -200,7 +200,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(fit: Fit) -> list[Any]:
         figure = fit_figure(fit, session, min(width, 1360) - 40)
-        residual = plotly_figure(misfit(fit, session.view, session.units), width - 40, 210)
+        residual = residual_figure(fit, session, min(width, 1360) - 40)
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
             html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
@@ -208,12 +208,13 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
             graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),
+            graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
             html.Div([_parameters(fit, session), _tests(fit)], className="beside"),
-            graph(residual, "residual", f"Model of {axis_title(axis)} relative to the data, by scale"),
             remarks(fit.remarks),
         ]
 
-    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
+    comes = "the curve of the axis with its model, the parameters and the tests"
+    return of_job(workspace.fit(session, axis), show, comes=comes)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
@@ -281,13 +282,6 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )
             listed.append([_round(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
-        return [
-            table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking"),
-            graph(
-                plotly_figure(ranking_panel(ranking, session.view, session.units), min(width, 1360) - 40, 260),
-                "compared",
-                f"Distances of the best models of {axis_title(axis)} from the data",
-            ),
-        ]  # fmt: skip
+        return [table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
 
-    return of_job(workspace.search(session, axis), show)
+    return of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")

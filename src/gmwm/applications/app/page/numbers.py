@@ -12,7 +12,16 @@ from gmwm.applications.app.commands import number
 from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import half_of, plotly_figure
 from gmwm.applications.app.page.render import changes, draws, restores
-from gmwm.applications.app.page.widgets import button, choices, field, graph, of_job, remarks, table, text_input
+from gmwm.applications.app.page.widgets import (
+    button,
+    by_severity,
+    choices,
+    field,
+    graph,
+    of_job,
+    table,
+    text_input,
+)
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Workspace
 from gmwm.applications.navigation.plot import budget_figure
@@ -26,6 +35,8 @@ from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
 from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.showing.reports.figures import sensor_panel
+from gmwm.showing.reports.filter_tables import filter_tables
 from gmwm.showing.reports.verdict import state_of
 
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
@@ -46,7 +57,7 @@ def panel() -> list[Any]:
             className="controls",
         ),
         html.Div(id="numbers"),
-        html.H2("For a filter"),
+        html.H2("For another horizon of the filter"),
         html.P("N and K that replace the whole model between two corrections from other sensors.", className="hint"),
         html.Div(
             [
@@ -137,14 +148,44 @@ def _pair(line: str) -> tuple[str, str]:
 
 
 def _numbers(session: Session, workspace: Workspace, width: float) -> Any:
-    return of_job(workspace.calibration(session), lambda found: _datasheets(found, session))
+    comes = "N, K and B of each axis with their verdicts, the curves, and the remarks"
+    return of_job(workspace.calibration(session), lambda found: _first_screen(found, session, width), comes=comes)
 
 
-def _datasheets(found: Calibration, session: Session) -> list[Any]:
+def _first_screen(found: Calibration, session: Session, width: float) -> list[Any]:
+    """Return verdict, numbers for a filter beside the curves, remarks, and folded datasheets, in the order of the
+    report."""
     head = found.verdict
-    verdict = html.P(head.text(Dialect.SHELL), className=f"verdict {state_of(head)}")
-    return [verdict, *(_sensor(sensor, axes, session) for sensor, axes in by_sensor(found.axes).items()),
-            remarks(found.remarks)]  # fmt: skip
+    parts = [html.P(head.text(Dialect.SHELL), className=f"verdict {state_of(head)}")]
+    for sensor in filter_tables(found, Dialect.SHELL):
+        fits = {row["axis"]: found[row["axis"]] for row in sensor["rows"] if not row["failed"]}
+        drawn: list[Any] = []
+        if fits:
+            panel = sensor_panel(sensor["sensor"], fits)(session.view, session.units)
+            title = f"Curves of the {sensor['title']}"
+            drawn = [graph(plotly_figure(panel, half_of(width), 240), f"filter-{sensor['sensor']}", title)]
+        parts.append(html.Div([html.Div([html.H2(sensor["title"]), *_filter_table(sensor)]), *drawn], className="grid"))
+    sheets = [_sensor(sensor, axes, session) for sensor, axes in by_sensor(found.axes).items()]
+    return [*parts, by_severity(found.remarks), html.Details([html.Summary("All numbers of each axis"), *sheets])]
+
+
+def _filter_table(sensor: Mapping[str, Any]) -> list[Any]:
+    """Return the table of N, K, B and the model of the axes of a sensor, and the reasons of its limits."""
+    rows = [
+        [
+            row["axis"],
+            *(html.Span([cell["text"], html.Span(f" {cell['mark']}", className="mark")], className=cell["state"])
+              for cell in row["cells"]),
+            row["model"] or f"not calibrated: {row['failed']}",
+        ]
+        for row in sensor["rows"]
+    ]  # fmt: skip
+    reasons = [
+        html.Li([html.Span(reason["mark"], className="mark"), f" {reason['numbers']}: {reason['text']}"],
+                className=reason["state"])
+        for reason in sensor["reasons"]
+    ]  # fmt: skip
+    return [table(["Axis", *sensor["heads"], "Model"], rows, "filter"), html.Ul(reasons, className="reasons")]
 
 
 def _sensor(sensor: str, axes: Mapping[str, AxisCalibration], session: Session) -> Any:

@@ -331,7 +331,7 @@ def _verdict(session: Session, workspace: Workspace, width: float) -> Any:
 
 def _inspection_view(found: Inspection) -> Any:
     state = "At rest" if found.static else "Not at rest"
-    facts = [f"{found.samples} samples at {found.rate:.10g} Hz", duration_text(found.duration, 3), state]
+    facts = [f"{found.samples} samples at {found.rate:g} Hz", duration_text(found.duration, 3), state]
     if found.segments > 1:
         facts.append(f"{found.segments} segments")
     if found.gravity is not None:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from dash import Dash, Input, Output, State, ctx, no_update
+from dash import Dash, Input, Output, State, ctx, html, no_update
 from dash.exceptions import PreventUpdate
 from plotly.io.json import to_json_plotly
 
@@ -33,7 +33,7 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
             raise PreventUpdate
         try:
             session = desk.session(data)
-            content = draw(session, desk.workspace(page), width) if session.file else []
+            content = draw(session, desk.workspace(page), width) if session.file else _closed(place)
         except Exception as error:
             content = failure(error)
         new = hashlib.sha256(str(to_json_plotly(content)).encode()).hexdigest()
@@ -44,6 +44,13 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
         Input("revision", "data"), Input("tab", "data"), Input("width", "data"), State("page", "data"),
         State(digest_of(place), "data"),
     )(draw_place)  # fmt: skip
+
+
+def _closed(place: str) -> Any:
+    """Return what a page element shows while no recording is open. Each tab has one text."""
+    if place not in ("curves", "fit", "numbers", "preview"):
+        return []
+    return html.P("No recording is open. Open one in the tab Recording.", className="waiting")
 
 
 def digest_of(place: str) -> str:

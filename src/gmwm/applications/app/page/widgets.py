@@ -12,7 +12,7 @@ from dash import dcc, html
 from gmwm.applications.app.figures import Drawn
 from gmwm.applications.app.jobs import QUICK, Job
 from gmwm.base.errors import GmwmError
-from gmwm.base.remarks import Dialect, Remark, with_groups
+from gmwm.base.remarks import Dialect, Remark, texts, with_groups
 from gmwm.showing.reports.verdict import state_of
 
 WORDS = {"bad": "Do not use", "look": "Read first", "good": "Note"}
@@ -46,7 +46,7 @@ def menu(name: str, options: dict[str, str], value: str) -> Any:
 def choices(name: str, options: dict[str, str], value: str, label: str) -> Any:
     """Return radio buttons with a caption. `options` has the label of each value."""
     radio = dcc.RadioItems(id=name, options=options, value=value, inline=True, className="radio")
-    return html.Div([html.Span(label, className="caption"), radio], className="choices", role="group", title=label)
+    return html.Div([html.Span(label, id=f"label-{name}", className="caption"), radio], className="choices")
 
 
 def button(text: Any, name: Any, kind: str = "", **more: Any) -> Any:
@@ -66,7 +66,7 @@ def graph(figure: Drawn, name: Any, label: str, **config: Any) -> Any:
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]], kind: str = "") -> Any:
     """Return a table with column headings. The first cell of each row is the heading of the row."""
     body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, cells)]) for first, *cells in rows]
-    top = html.Thead(html.Tr([html.Th(cell, scope="col") for cell in head]))
+    top = html.Thead(html.Tr([html.Th(cell, scope="col") if cell else html.Td() for cell in head]))
     return html.Div(html.Table([top, html.Tbody(body)], className=kind), className="wide")
 
 
@@ -90,8 +90,27 @@ def remarks(found: Iterable[Remark], most: int = 6) -> Any:
     return html.Div([html.Ul(points[:most], className="points"), more])
 
 
-def of_job(job: Job, show: Callable[[Any], Any]) -> Any:
-    """Return the component that `show` makes from the result of a job, or a text with the state of the job."""
+def by_severity(found: Iterable[Remark]) -> Any:
+    """Return remarks folded by severity, as in the report. Those that make numbers unusable are open."""
+    titles = {
+        "bad": "Find the cause before you use the numbers",
+        "look": "Read before you use the numbers",
+        "good": "Notes that affect no number",
+    }
+    groups: dict[str, list[Remark]] = {state: [] for state in titles}
+    for remark in found:
+        groups[state_of(remark)].append(remark)
+    parts = []
+    for state, title in titles.items():
+        if group := groups[state]:
+            head = html.Summary([html.Span(MARKS[state], className="mark"), f" {title} ({len(texts(group))})"])
+            parts.append(html.Details([head, remarks(group, len(group))], open=state == "bad", className=state))
+    return html.Div(parts)
+
+
+def of_job(job: Job, show: Callable[[Any], Any], *, comes: str = "") -> Any:
+    """Return the component that `show` makes from the result of a job, or a text with the state of the job. While the
+    job runs, the text says what `comes`, and the page adds the progress of the job."""
     job.join(QUICK)
     if job.state == "done":
         return show(job.value)
@@ -100,7 +119,8 @@ def of_job(job: Job, show: Callable[[Any], Any]) -> Any:
     if job.state == "cancelled":
         again = button("Start again", {"type": "again", "title": job.title})
         return html.P([f"{job.title} was cancelled. ", again], className="waiting")
-    return html.P(f"{job.title} …", className="waiting")
+    said = html.P(f"{job.title} …", className="waiting")
+    return html.Div([said, html.P(f"Next: {comes}.", className="hint")], className="empty") if comes else said
 
 
 def failure(error: Exception | None) -> Any:

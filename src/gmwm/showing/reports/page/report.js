@@ -18,7 +18,7 @@
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
     // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
     const room = width - (printing ? 62 : 78);
-    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 48 + 6.5 * longest);
+    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 44 + 5.7 * longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
     // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
     const foot = (printing ? 44 : 50) + 19 * rows;
@@ -122,11 +122,18 @@
     });
   }
 
+  // A table or text that is wider than the page can be scrolled with the keyboard.
+  const focusable = () => {
+    for (const part of document.querySelectorAll(".wide, pre")) part.tabIndex = part.scrollWidth > part.clientWidth ? 0 : -1;
+  };
+  document.addEventListener("toggle", focusable, true);
+
   let width = window.innerWidth;
   window.addEventListener("resize", () => {
     if (window.innerWidth === width || printing) return;
     width = window.innerWidth;
     drawAll();
+    focusable();
   });
 
   let closed = [];
@@ -143,5 +150,6 @@
   });
 
   openTarget();
+  focusable();
   document.documentElement.dataset.drawn = String(drawAll());
 })();
