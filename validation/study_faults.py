@@ -32,7 +32,7 @@ NAMED: dict[str, str] = {
     "wrapped_rare": "fault-undone:wrapped", "interpolated": "fault-undone:interpolated", "periodic": "trend:swing",
     "student_3": "heavy-tails:fit", "student_2.5": "heavy-tails:fit", "cauchy": "samples-replaced:spikes",
     "outliers_in_quantization": "outliers-found:small", "telegraph": "heavy-tails:levels",
-    "moved_end": "recording-moved:moved", "dithered": "lines:known",
+    "moved_end": "recording-moved:moved", "cic": "fault-undone:filtered", "dithered": "lines:known",
 }  # fmt: skip
 """The remark that names each fault."""
 TRUTH = dict.fromkeys(
@@ -49,7 +49,7 @@ Row = dict[str, Any]
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Remarks on clean and faulty recordings, and N of the faulty ones."""
-    clean, faulty = (3, 1) if reduced else (100, 20)
+    clean, faulty = (3, 1) if reduced else (25, 5)
     kinds = ("held_4", "jump_white") if reduced else tuple(faults.FAULTS)
     return {
         "clean_recordings": clean, "recordings": faulty, "samples": SAMPLES, "rate": faults.RATE,

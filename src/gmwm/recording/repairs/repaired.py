@@ -13,6 +13,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed, batches
 from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.averages import averaged, averaged_samples
 from gmwm.recording.repairs.plan import Plan, plans_of
 from gmwm.recording.repairs.runs import Indices
 from gmwm.recording.signals import Imu, Signal
@@ -30,11 +31,18 @@ def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
     base = recording.time_base
     plans = plans_of(batch, 0.0 if base is None else base.duplicates / max(rows, 1))
     if all(plan.changes_nothing for plan in plans) and len(plans) == 1:
-        return (recording,)
-    return tuple(
-        _repaired_imu(recording, plan) if isinstance(recording, Imu) else RepairedStream(recording, plan)
-        for plan in plans
-    )
+        length = averaged_samples(batch)
+        return (recording,) if length == 1 else (averaged(recording, length),)
+    return tuple(_averaged_if_filtered(_of_plan(recording, plan)) for plan in plans)
+
+
+def _of_plan(recording: Imu | Streamed, plan: Plan) -> Imu | Streamed:
+    return _repaired_imu(recording, plan) if isinstance(recording, Imu) else RepairedStream(recording, plan)
+
+
+def _averaged_if_filtered(recording: Imu | Streamed) -> Imu | Streamed:
+    length = averaged_samples(next(batches(recording)))
+    return recording if length == 1 else averaged(recording, length)
 
 
 class Repair:

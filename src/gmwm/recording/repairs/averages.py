@@ -1,0 +1,162 @@
+"""Recognise a log whose noise lies far below its sampling rate, and average it to a lower rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gmwm.base.arrays import Vector, freeze
+from gmwm.base.remarks import Fact, Quantity, Remark
+from gmwm.base.time_base import TimeBase
+from gmwm.recording.batches import Batch, Streamed
+from gmwm.recording.chunks import Samples
+from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.time_ranges import cut_base
+
+_LENGTH, _MOST = 4096, 128
+"""Length of the periodograms, and largest number of them."""
+_FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)
+"""Frequencies, relative to the rate, whose spectral densities are compared."""
+_EMPTY = 1e-4
+"""Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
+pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
+_PASSES = 0.5
+"""Density, relative to the slow one, at the frequency up to which the noise passes the filter."""
+_OF_RATE = 0.6
+"""Rate after averaging, in units of twice this frequency. The filter is then hardly visible."""
+_LARGEST = 64
+"""Largest number of samples that are averaged."""
+
+
+def averaged_samples(batch: Batch) -> int:
+    """Return the number of samples to average so that the noise is not far below the rate; 1 for a usual recording. All
+    axes must have passed a steep filter."""
+    return min(_of_axis(signal) for signal in batch.signals.values())
+
+
+def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:
+    """Return the means of `length` consecutive samples. Samples before a gap that are too few for a mean are left
+    out."""
+    if not isinstance(recording, Imu):
+        return _AveragedStream(recording, length)
+    first = recording.signals[recording.axes[0]]
+    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+    values = {axis: signal.values for axis, signal in recording.signals.items()}
+    samples = Samples(values, recording.rate, first=0, segment=0, runs=runs, temperature=recording.temperature)
+    averages = _Averages(length, recording.rate)
+    (part,) = averages.of([samples])
+    ranges = list(part.ranges())
+    signals = {
+        axis: Signal(
+            values=part.values[axis], rate=part.rate, unit=signal.unit, axis=axis,
+            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
+            gaps_known=first.gaps_known or len(first.segments) == 1,
+        )
+        for axis, signal in recording.signals.items()
+    }  # fmt: skip
+    base = averages.time_base(recording.time_base or TimeBase(recording.rate, start=first.start))
+    remarks = (*recording.remarks, *_remarks(recording.axes, length, recording.rate))
+    return replace(recording, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+
+
+class _Averages:
+    """Means of consecutive samples, from samples in any portions."""
+
+    def __init__(self, length: int, rate: float) -> None:
+        self._length, self._old_rate, self._rate = length, rate, rate / length
+        self._starts, self._sizes = list[float](), list[int]()
+        self._carry: dict[str, Vector] = {}
+        self._begin: float | None = None  # time of the first sample of a run that has no mean yet
+
+    def of(self, samples: Iterable[Samples]) -> Iterator[Samples]:
+        """Yield the means."""
+        for chunk in samples:
+            yield from self._of_chunk(chunk)
+
+    def time_base(self, base: TimeBase) -> TimeBase:
+        """Return the time base of the means. Call it after the last samples."""
+        return cut_base(replace(base, rate=self._rate), self._starts, self._sizes, base.left)
+
+    def _of_chunk(self, chunk: Samples) -> Iterator[Samples]:
+        columns = dict(chunk.values)
+        if chunk.temperature is not None:
+            columns["temperature"] = chunk.temperature
+        means: dict[str, list[Vector]] = {name: [] for name in columns}
+        runs, before = list[tuple[int, float]](), sum(self._sizes)
+        for k, (begin, end, time) in enumerate(chunk.ranges()):
+            if k or not chunk.continues:
+                self._carry, self._begin = {}, time
+            joined = {
+                name: np.concatenate([self._carry.get(name, np.empty(0)), x[begin:end]]) for name, x in columns.items()
+            }
+            count = (end - begin + next(iter(self._carry.values()), np.empty(0)).size) // self._length
+            for name, x in joined.items():
+                means[name].append(x[: count * self._length].reshape(-1, self._length).mean(axis=1))
+                self._carry[name] = x[count * self._length :].copy()
+            if not count:
+                continue
+            if self._begin is not None:
+                self._starts.append(self._begin + (self._length - 1) / 2 / self._old_rate)
+                self._sizes.append(0)
+                runs.append((sum(self._sizes), self._starts[-1]))
+                self._begin = None
+            elif not runs:
+                runs.append((before - self._sizes[-1], self._starts[-1]))
+            self._sizes[-1] += count
+        if runs:
+            values = {name: freeze(np.concatenate(parts)) for name, parts in means.items()}
+            heat = values.pop("temperature", None)
+            segment = len(self._sizes) - len(runs)
+            yield Samples(values, self._rate, first=before, segment=segment, runs=tuple(runs), temperature=heat)
+
+
+class _AveragedStream:
+    """A recording in a file whose samples are averaged while they are read."""
+
+    def __init__(self, stream: Streamed, length: int) -> None:
+        self._stream, self._length = stream, length
+        self._averages: _Averages | None = None
+        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate / length
+        self.has_temperature, self.rows = stream.has_temperature, stream.rows // length
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks of the stream and on the averages."""
+        return (*self._stream.remarks, *_remarks(self.axes, self._length, self._stream.rate))
+
+    @property
+    def time_base(self) -> TimeBase:
+        """Properties of the time stamps; after an iteration those of the means."""
+        base = self._stream.time_base
+        return base if self._averages is None else self._averages.time_base(base)
+
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the means."""
+        averages = _Averages(self._length, self._stream.rate)
+        yield from averages.of(self._stream.samples())
+        self._averages = averages
+
+
+def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...]:
+    facts: dict[str, Fact] = {"count": length, "rate": Quantity(rate / length, "Hz"), "log": Quantity(rate, "Hz")}
+    return tuple(Remark.of("fault-undone", axis, case="filtered", **facts) for axis in axes)
+
+
+def _of_axis(signal: Signal) -> int:
+    pieces = [x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in signal.segment_values()]
+    blocks = np.concatenate(pieces)
+    if not blocks.size:
+        return 1
+    blocks = blocks[:: max(len(blocks) // _MOST, 1)]
+    window = np.hanning(_LENGTH)
+    density = np.mean(np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
+    frequency = np.arange(density.size) / _LENGTH
+    fast, slow = (float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW))
+    if not 0 < fast < _EMPTY * slow:
+        return 1
+    # The highest frequency up to which most of the noise passes, from densities smoothed over 8 frequencies.
+    smooth = density[: density.size // 8 * 8].reshape(-1, 8).mean(axis=1)
+    passes = (np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
+    return int(np.clip(round(_OF_RATE / (2 * passes)), 1, _LARGEST))

@@ -1,0 +1,59 @@
+"""A log whose noise passed a steep filter is averaged, and other logs are not."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import Imu, Signal
+from gmwm.recording.repairs import repaired
+from gmwm.recording.repairs.averages import averaged
+from validation import faults
+
+RATE = 100.0
+
+
+def _imu(x, **more):
+    return Imu({"gyro_x": Signal(x, RATE, "rad/s", axis="gyro_x", **more)})
+
+
+def _cic(length, size, seed=0):
+    rng = np.random.default_rng(seed)
+    x = faults.WHITE * rng.normal(size=size + 3 * length)
+    for _ in range(3):
+        x = np.convolve(x, np.ones(length) / length, "valid")
+    return x[:size] + np.cumsum(faults.WALK * rng.normal(size=size))
+
+
+@pytest.mark.parametrize("length", [8, 16, 32])
+def test_the_noise_behind_a_steep_filter_is_averaged(length):
+    x = _cic(length, 120_000)
+    (part,) = repaired(_imu(x))
+    count = round(RATE / part.rate)
+    assert 0.5 * length <= count <= 2 * length
+    assert np.allclose(part["gyro_x"].values, x[: len(part) * count].reshape(-1, count).mean(axis=1))
+    verdict = gmwm.calibrate(_imu(x)).number_verdicts["gyro_x"]["N"]
+    assert verdict.usability.value == "use"
+
+
+def test_a_random_walk_and_one_pole_are_not_averaged():
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.normal(size=60_000))
+    pole = faults.low_pass(rng.normal(size=60_000), 2 * np.pi * 0.005)
+    for x in (walk, pole, rng.normal(size=60_000), rng.normal(size=500)):
+        recording = _imu(x)
+        assert repaired(recording) == (recording,)
+
+
+def test_means_do_not_extend_across_gaps_and_do_not_depend_on_chunks(tmp_path):
+    x = np.random.default_rng(2).normal(size=600_000)
+    recording = _imu(x, segments=((0, 250_005), (250_005, 600_000)), starts=(0.0, 3000.0))
+    whole = averaged(recording, 10)
+    assert whole.segments == ((0, 25_000), (25_000, 59_999))
+    assert whole["gyro_x"].starts == pytest.approx((0.045, 3000.045))
+    assert np.allclose(whole["gyro_x"].values[25_000:], x[250_005:599_995].reshape(-1, 10).mean(axis=1))
+    recording.write(tmp_path / "log.csv")
+    stream = averaged(gmwm.stream(tmp_path / "log.csv", chunk=1000), 10)
+    parts = list(stream.samples())
+    assert len(parts) > 1
+    assert np.allclose(np.concatenate([part.values["gyro_x"] for part in parts]), whole["gyro_x"].values)
+    assert [len(part.runs) for part in parts].count(2) <= 1
