@@ -340,7 +340,7 @@ def test_without_theory_there_are_numbers_but_no_intervals():
 def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
     truth = WN(sigma2=1e-6) + SIN(frequency=0.7, power=8e-6)
     found = gmwm.fit(truth.structure, exact(truth)).datasheet()
-    assert list(found) == ["N", "K", "B", "f_0", "A"]
+    assert list(found) == ["N", "K", "B", "N of WN", "f_0", "A"]
     assert found["f_0"].text("si").endswith(" Hz")
     assert found["f_0"].value == near(0.7)
     assert found["A"].value == near(4e-3)

@@ -76,3 +76,20 @@ def test_the_numbers_of_other_programs_as_processes():
     slow = gmwm.GM(beta=1 / T_c, sigma2=q_c**2 * T_c / 2)
     # A random walk, far below T_c.
     assert np.isclose(slow.allan_variance(np.array([100]), RATE)[0], q_c**2 * 1.0 / 3, rtol=0.02)
+
+
+def test_the_processes_of_r():
+    """The table in docs/coming-from/r.md: AR1 and GM, β without a frequency, the sinusoid and quantization noise."""
+    rate, beta, sigma2, levels = 250.0, 0.4, 2e-8, 14
+    phi = np.exp(-beta / rate)
+    as_ar1 = gmwm.AR1(phi=phi, sigma2=sigma2 * (1 - phi**2)).wavelet_variance(levels, rate)
+    assert np.allclose(gmwm.GM(beta=beta, sigma2=sigma2).wavelet_variance(levels, rate), as_ar1, rtol=1e-9)
+    per_sample = gmwm.GM(beta=0.0016, sigma2=sigma2).wavelet_variance(levels, 1.0)
+    assert np.allclose(gmwm.GM(beta=0.0016 * rate, sigma2=sigma2).wavelet_variance(levels, rate), per_sample)
+    alpha2, angular = 0.5, 0.05
+    wave = np.sqrt(alpha2) * np.sin(angular * np.arange(2**16) + 1.0)
+    line = gmwm.SIN(frequency=angular * rate / (2 * np.pi), power=alpha2 / 2)
+    assert np.allclose(gmwm.wavelet_variance(wave, rate).variance[:6], line.wavelet_variance(6, rate), rtol=1e-3)
+    rounding = np.sqrt(12 * 3.0) * np.diff(np.random.default_rng(1).uniform(size=200_001))
+    found = gmwm.wavelet_variance(rounding, rate).variance[:4]
+    assert np.allclose(found, gmwm.QN(q2=3.0).wavelet_variance(4, rate), rtol=0.02)

@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown := sorted(set(options.names) - set(studies)):
         parser.error(f"no study called {', '.join(unknown)}; there are: {', '.join(studies) or 'none'}")
     if options.tables or options.pages:
-        for name in options.names or studies:
+        for name in options.names or [name for name in studies if (DOCUMENTS / f"{name}.json").is_file()]:
             if options.tables:
                 print(appendix(studies[name], stored(studies[name])))
             if options.pages:

@@ -16,7 +16,7 @@ SIZE = {"width": 1100, "height": 760}
 READY = {
     "recording": "#traces .js-plotly-plot",
     "curves": "#spectra .js-plotly-plot",
-    "model": "#ranking .js-plotly-plot",
+    "model": "#ranking table",
     "numbers": "#budget .js-plotly-plot",
     "download": "#preview pre",
 }

@@ -339,3 +339,14 @@ def test_every_tab_fits_its_width_and_prints(opened, folder, width, scheme):
     assert page.locator("#preview pre").is_visible()
     assert page.evaluate("getComputedStyle(document.querySelector('#preview pre')).maxHeight") == "none"
     assert page.said == []
+
+
+def test_groups_have_names_and_options_are_no_controls(opened, folder):
+    page = opened(folder / "short.csv")
+    tab(page, "curves")
+    assert page.get_by_role("radiogroup", name="View").count() == 1
+    assert page.locator("[role=option] input, [role=listbox]:not([aria-label]):not([aria-labelledby])").count() == 0
+    tab(page, "numbers")
+    assert page.get_by_role("slider", name="Horizon").count() == 1
+    assert page.locator("#numbers details:not([open])").count() >= 1
+    assert page.evaluate("document.activeElement.className").find("focus-target") < 0

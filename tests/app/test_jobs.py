@@ -1,5 +1,6 @@
 """Jobs: results, errors, progress, and cancellation that does not wait for the work."""
 
+import re
 import threading
 import time
 
@@ -112,3 +113,18 @@ def test_a_cancellation_passes_handlers_of_errors():
     assert job.join(5)
     assert (job.state, handled) == ("cancelled", [])
     assert not issubclass(Cancelled, Exception)
+
+
+def test_the_progress_names_the_step_and_the_time():
+    go = threading.Event()
+
+    def work(job):
+        job.step("gyro_y", 1, 6)
+        go.wait(10)
+
+    job = Jobs().ask("calibration", 1, "Calibrating", work)
+    while not job.text:
+        time.sleep(0.01)
+    assert re.fullmatch(r"Calibrating gyro_y, \d+ s", job.progress)
+    go.set()
+    assert job.join(10)

@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+from gmwm import Model
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from tests.helpers import code_of
 
 from .conftest import RATE, calibrated, remarks_in, words
@@ -47,19 +49,21 @@ def test_a_slow_term_is_never_lost(slow, format):
 
 
 @pytest.mark.parametrize("format", CONSUMERS)
-def test_lines_are_named_and_not_counted(lines, format):
+def test_lines_are_named_and_their_error_is_counted(lines, format):
     text = lines.export(format=format)
     white, walk = CONSUMERS[format](text)["gyro"]
-    assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-3 if format in MARKOV else 1e-4)
+    numbers = filter_numbers(Model.parse(LINES["gyro"]).processes, RATE)
+    assert 1.5 * math.sqrt(6e-7 / RATE) < numbers.N
+    assert white == pytest.approx(math.sqrt(6e-7 / RATE) if format in MARKOV else numbers.N, rel=2e-3)
     if format not in (*MARKOV, "glim"):
-        assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
+        assert walk == pytest.approx(numbers.K, rel=5e-3)
     found = [remark for remark in remarks_in(lines, format) if code_of(remark) == "lines:file"]
     of_axes = {axis: [r.facts for r in found if r.subject == axis] for axis in ("gyro_x", "accel_y")}
     assert [facts["frequency"].value for facts in of_axes["gyro_x"]] == pytest.approx([0.7], rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].unit == "rad/s"
     assert sorted(facts["frequency"].value for facts in of_axes["accel_y"]) == pytest.approx([0.7, 20.0], rel=1e-3)
-    assert "Periodic disturbances, which N and K cannot predict: gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
+    assert "3 times the horizon): gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
 
 
 def test_ros_leaves_lines_out(lines):

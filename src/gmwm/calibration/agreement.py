@@ -27,7 +27,7 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.sinusoid import SIN
 
-_SLOW = ("K", "R")
+_SLOW = ("R",)
 """Symbols of the datasheet numbers that depend on the slow terms of a model."""
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
@@ -52,8 +52,8 @@ def agree(
     smallest p-value, multiplied by the number of comparisons, is used. All p-values are then adjusted by Holm's method,
     so `size` is the probability of any false alarm among all numbers.
 
-    Q, N and B are always compared. K and R are compared only if all models have the same slow terms, and other numbers
-    only if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
+    N, K, Q and B are always compared. R is compared only if all models have the same slow terms, and other numbers only
+    if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
     deviation. The intervals of calibrations include the uncertainty of the model choice.
 
     Parameters
@@ -188,9 +188,8 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
-    """Return whether a number has the same meaning in all models. N, Q and B are read from the Allan deviation. K and R
-    depend on the slow terms, because a slow Gauss-Markov term can describe a part of a random walk; others are
-    parameters of one term."""
+    """Return whether a number has the same meaning in all models. N and K of a filter depend on the spectrum only, and
+    Q and B on the Allan deviation. R depends on the slow terms; others are parameters of one term."""
     if symbol not in LAWS:
         return len(set(models)) == 1
     return symbol not in _SLOW or len({_slow_terms(model) for model in models}) == 1

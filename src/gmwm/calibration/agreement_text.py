@@ -68,11 +68,17 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
     shown = [_why_absent(found, axis, k) if (model := models[k]) is None else model.replace(" ", "") for k in part]
     rows.append(["model", *shown, *([""] if end else [])])
     for row in found.rows:
-        if row.axis != axis or row.reason == "models":
+        if row.axis != axis or not _is_shown(found, row):
             continue
         cells = ["" if models[k] is None else _cell(found, row, k) for k in part]
         rows.append([f"{row.symbol} ({_unit(row)})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
     return rows
+
+
+def _is_shown(found: Agreement, row: SharedNumber) -> bool:
+    """Return whether a number can be compared, or belongs to the only recording of its axis."""
+    alone = sum(model is not None for model in found.models[row.axis]) == 1
+    return row.reason != "models" and (row.reason != "one recording" or alone)
 
 
 def _why_absent(found: Agreement, axis: str, k: int) -> str:
@@ -93,10 +99,11 @@ def _unit(row: SharedNumber) -> str:
 
 
 def _legend(found: Agreement) -> str:
-    shown = (entry for row in found.rows if row.reason != "models" for entry in row.entries)
+    shown = (entry for row in found.rows if _is_shown(found, row) for entry in row.entries)
     named = key(entry for entry in shown if entry is not None)
     return (
-        f"{named}. ±: half the width of the confidence interval; ≤: upper limit; {_NONE}: not in the model. "
+        f"{named}. N, K, Q and B are compared whatever the models are; numbers of a single recording are left out. "
+        f"±: half the width of the confidence interval; ≤: upper limit; {_NONE}: not in the model. "
         f"{_SAME}: the recordings agree; {_OTHER}: they differ by more than chance. p: adjusted by Holm's method."
     )
 

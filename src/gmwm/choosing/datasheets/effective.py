@@ -44,7 +44,8 @@ class Use:
     def contains(self, process: Process, rate: float) -> bool:
         """Return whether the two numbers include a process: not an oscillation that is slower than the horizon."""
         frequency = process.oscillation()
-        slow = frequency is not None and frequency * self.horizon < 1.0
+        noise = process.line(rate) is None  # `Forecast` chooses among sinusoids
+        slow = noise and frequency is not None and frequency * self.horizon < 1.0
         return not slow and not (self.flicker and is_flicker(process, rate))
 
 

@@ -84,5 +84,5 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
     more = f" and {count - len(parts)} more" if count > len(parts) else ""
     if not parts:
         return []
-    near = "N and K contain their error if the period is between 1/10 and 3 times the horizon."
-    return [f"Periodic disturbances, which N and K cannot predict: {', '.join(parts)}{more}.", near]
+    near = "N and K contain their error if the period is 1/10 to 3 times the horizon"
+    return [f"Periodic disturbances ({near}): {', '.join(parts)}{more}."]
