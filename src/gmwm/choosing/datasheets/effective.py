@@ -17,7 +17,7 @@ from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
 from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
+from gmwm.choosing.datasheets.prediction import LEAST_PERIODS, FilterGain, Forecast
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -42,10 +42,10 @@ class Use:
     flicker: str = ""
 
     def contains(self, process: Process, rate: float) -> bool:
-        """Return whether the two numbers include a process: not an oscillation that is slower than the horizon."""
+        """Return whether the two numbers include a process: not an oscillation with a period above three horizons."""
         frequency = process.oscillation()
         noise = process.line(rate) is None  # `Forecast` chooses among sinusoids
-        slow = noise and frequency is not None and frequency * self.horizon < 1.0
+        slow = noise and frequency is not None and frequency * self.horizon < LEAST_PERIODS
         return not slow and not (self.flicker and is_flicker(process, rate))
 
 
@@ -56,7 +56,7 @@ def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> 
     as possible, and the error that the filter states equal to the real error; see `filter_numbers`. They depend only on
     the spectrum of the model, so that models with the same curve have the same numbers. White noise plus a random walk
     gives the coefficients of its terms for every T. The noise includes quantization noise, a drift, and sinusoids with
-    a period between T/10 and 3 T. It leaves out other sinusoids, and oscillations with a period longer than T.
+    a period between T/10 and 3 T. It leaves out other sinusoids, and oscillations with a period longer than 3 T.
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the

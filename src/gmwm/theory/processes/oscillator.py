@@ -159,9 +159,9 @@ class OSC(Process):
         return self.value("frequency") if self.value("quality") >= PERIODIC else None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return a remark on an oscillation that is slower than 1 Hz, which N and K do not contain."""
+        """Return a remark on an oscillation with a period above 3 s, which N and K for a horizon of 1 s leave out."""
         frequency = self.oscillation()
-        if self.scale == 0 or frequency is None or frequency >= 1.0:
+        if self.scale == 0 or frequency is None or 3.0 * frequency >= 1.0:
             return ()
         at, quality = Quantity(frequency, "Hz"), self.value("quality")
         return (Remark.of("lines", case="oscillation", term=term, frequency=at, quality=quality),)
