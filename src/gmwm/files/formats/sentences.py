@@ -92,7 +92,7 @@ class _State:
     width: int
 
 
-class _SentenceReader(Reader):
+class _SentenceFormat(Reader):
     """Base class of the readers of sentences."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
@@ -178,7 +178,7 @@ class _SentenceReader(Reader):
 
 
 @register
-class SentenceReader(_SentenceReader):
+class SentenceReader(_SentenceFormat):
     """Reader of sentences whose units the sentence determines."""
 
     name: ClassVar[str] = "sentences"
@@ -193,7 +193,7 @@ class SentenceReader(_SentenceReader):
 for _scale in dict.fromkeys(TYPES.values()):
     register(
         type(
-            f"Novatel{_scale.name}Reader", (_SentenceReader,),
+            f"Novatel{_scale.name}Reader", (_SentenceFormat,),
             {"name": f"novatel:{_scale.name}", "scale": _scale, "__module__": __name__,
              "__doc__": f"Reader of the raw counts of a {_scale.name} in logs of NovAtel."},
         )

@@ -9,7 +9,7 @@ from pathlib import Path
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.importers.datasheet import EXAMPLE, read_datasheet
-from gmwm.files.importers.documents import Document, parse
+from gmwm.files.importers.documents import ParameterFile, parse
 from gmwm.files.importers.files import FORMATS, Format
 from gmwm.files.importers.values import Values
 from gmwm.theory.processes.model import Model
@@ -114,7 +114,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _recognised(path: Path, part: str) -> tuple[Format, Document]:
+def _recognised(path: Path, part: str) -> tuple[Format, ParameterFile]:
     if path.stat().st_size > _LARGEST:
         raise ReadError("the file is too large for a configuration")
     content = parse(path.read_text(encoding="utf-8", errors="replace"), path)

@@ -19,7 +19,7 @@ _QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s.,eE+-].*)")
 
 
 @dataclass(frozen=True)
-class Entry:
+class KeyLine:
     """A key with its value: the keys above it, the line, and the text of the value or of each value of a list."""
 
     key: str
@@ -29,10 +29,10 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Document:
+class ParameterFile:
     """The entries of a file, and its text for formats with a grammar of their own."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[KeyLine, ...]
     text: str
 
     def has(self, key: str) -> bool:
@@ -43,7 +43,7 @@ class Document:
             or f'"{key}"' in self.text
         )
 
-    def find(self, key: str) -> Entry | None:
+    def find(self, key: str) -> KeyLine | None:
         """Return the entry with a key; None if there is none. A key that occurs twice is an error."""
         entries = [entry for entry in self.entries if _names(entry, key)]
         if len(entries) < 2:
@@ -64,16 +64,16 @@ class Document:
             raise ReadError(f"line {entry.line}: {key} has no number")
         return None if entry is None else [_number(cell, entry, unit) for cell in entry.cells]
 
-    def part(self, name: str) -> Document:
+    def part(self, name: str) -> ParameterFile:
         """Return the entries below a key, such as imu1."""
         entries = tuple(entry for entry in self.entries if name in entry.above)
         if not entries:
             owners = dict.fromkeys(entry.above[0] for entry in self.entries if entry.above)
             raise ReadError(f"the file has no part {name!r}; its parts: {', '.join(owners) or 'none'}")
-        return Document(entries, self.text)
+        return ParameterFile(entries, self.text)
 
 
-def parse(text: str, path: Path) -> Document:
+def parse(text: str, path: Path) -> ParameterFile:
     """Parse a file. A file that is not YAML is a list of parameters, with one key and its value in each line."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
@@ -91,10 +91,10 @@ def parse(text: str, path: Path) -> Document:
             raise ReadError(f"{where}not valid YAML: {getattr(error, 'problem', error)}") from error
         root = None
     entries = tuple(_of_node(root, ())) if root is not None and root.id == "mapping" else ()
-    return Document(entries or tuple(_of_lines(text)), text)
+    return ParameterFile(entries or tuple(_of_lines(text)), text)
 
 
-def _of_node(node: Any, above: tuple[str, ...]) -> Iterator[Entry]:
+def _of_node(node: Any, above: tuple[str, ...]) -> Iterator[KeyLine]:
     """Yield the entries of a mapping of YAML and of the mappings in it."""
     if node.id == "sequence":
         for item in node.value:
@@ -104,14 +104,14 @@ def _of_node(node: Any, above: tuple[str, ...]) -> Iterator[Entry]:
     for key, value in node.value:
         name = str(key.value)
         if value.id == "scalar":
-            yield Entry(name, above, key.start_mark.line + 1, (str(value.value),))
+            yield KeyLine(name, above, key.start_mark.line + 1, (str(value.value),))
         elif value.id == "sequence" and all(item.id == "scalar" for item in value.value):
-            yield Entry(name, above, key.start_mark.line + 1, tuple(str(item.value) for item in value.value))
+            yield KeyLine(name, above, key.start_mark.line + 1, tuple(str(item.value) for item in value.value))
         else:
             yield from _of_node(value, (*above, name))
 
 
-def _of_lines(text: str) -> Iterator[Entry]:
+def _of_lines(text: str) -> Iterator[KeyLine]:
     """Yield the entries of lines such as "1 1 EKF2_GYR_NOISE 0.015 9", "param set X 0.1", "X,0.1" or "x = 0.1"."""
     for line, content in enumerate(text.splitlines(), 1):
         words = re.split(r"[\s,:=]+", re.sub(r"(?<!\S)#.*", "", content).strip())
@@ -119,17 +119,17 @@ def _of_lines(text: str) -> Iterator[Entry]:
         if at is not None:
             cells = words[at + 1 :]
             # QGroundControl writes the number of the type behind the value.
-            yield Entry(
+            yield KeyLine(
                 words[at], (), line, (cells[0] if len(cells) == 1 or cells[1].isdecimal() else " ".join(cells),)
             )
 
 
-def _names(entry: Entry, key: str) -> bool:
+def _names(entry: KeyLine, key: str) -> bool:
     """Return whether an entry has a key, which may have dots or be below another key: IMU.NoiseGyro."""
     return entry.key == key or ("." in key and ".".join((*entry.above, entry.key)).endswith(key))
 
 
-def _number(cell: str, entry: Entry, unit: str) -> float:
+def _number(cell: str, entry: KeyLine, unit: str) -> float:
     """Return the number of a cell, which may state a unit of the same kind as `unit`."""
     text, where = cell.strip(), f"line {entry.line}: the value of {entry.key}"
     quantity = _QUANTITY.fullmatch(text)

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 from gmwm.base.errors import ReadError
 from gmwm.base.units import SI_UNIT, Quantity, noise_unit
-from gmwm.files.importers.documents import NUMBER, Document, each_axis
+from gmwm.files.importers.documents import NUMBER, ParameterFile, each_axis
 from gmwm.files.importers.values import FLOOR, Values
 
 _DEGREE = math.pi / 180
 Found = dict[str, Values]
-Reader = Callable[[Document, float | None], Found]
+Reader = Callable[[ParameterFile, float | None], Found]
 _QUANTITIES: tuple[Quantity, ...] = ("gyro", "accel")
 
 
@@ -55,11 +55,11 @@ class Format:
     one: bool = True
     density: bool = False
 
-    def matches(self, document: Document) -> bool:
+    def matches(self, document: ParameterFile) -> bool:
         """Return whether a file has a key of the format."""
         return any(document.has(key) for key in self.keys)
 
-    def written(self, document: Document, axis: str) -> dict[str, tuple[str, float | None]]:
+    def written(self, document: ParameterFile, axis: str) -> dict[str, tuple[str, float | None]]:
         """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
         several times."""
         quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
@@ -70,13 +70,13 @@ class Format:
             entries[symbol] = (key, value)
         return entries
 
-    def rate(self, document: Document) -> float | None:
+    def rate(self, document: ParameterFile) -> float | None:
         """Return the sampling rate in a file, if there is one."""
         numbers = document.numbers(self.rate_key) if self.rate_key else None
         return numbers[0] if numbers else None
 
 
-def _required(document: Document, key: str, unit: str = "") -> list[float]:
+def _required(document: ParameterFile, key: str, unit: str = "") -> list[float]:
     """Return the numbers of a key that every file has."""
     numbers = document.numbers(key, unit)
     if numbers is None:
@@ -94,7 +94,7 @@ def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, floa
     """Return a function that reads N and K of each sensor, or of each axis from lists of three. `change` converts a
     number in the file, given the sampling rate, to a density."""
 
-    def read(document: Document, rate: float | None) -> Found:
+    def read(document: ParameterFile, rate: float | None) -> Found:
         axes: Found = {}
         for sensor, pair in keys.items():
             if all(document.find(key) is None for key in pair):
@@ -134,14 +134,14 @@ def _for_step(step: float) -> Callable[[float, float | None], float]:
     return lambda value, rate: value * math.sqrt(step)
 
 
-def _imu_utils(document: Document, rate: float | None) -> Found:
+def _imu_utils(document: ParameterFile, rate: float | None) -> Found:
     """Read a file of imu_utils: gyr_n is √f times the Allan deviation at 1 s, and gyr_w is its minimum."""
     axes: Found = {}
     for sensor, short in (("gyro", "gyr"), ("accel", "acc")):
         for letter in "xyz":
             axis = f"{letter}-axis"
             entries = tuple(entry for entry in document.entries if axis in entry.above)
-            white, floor = (Document(entries, "").numbers(f"{short}_{symbol}") for symbol in "nw")
+            white, floor = (ParameterFile(entries, "").numbers(f"{short}_{symbol}") for symbol in "nw")
             if white and floor:
                 axes[f"{sensor}_{letter}"] = Values(N=_per_step(white[0], rate), B=floor[0] / FLOOR)
     if not axes:
@@ -149,7 +149,7 @@ def _imu_utils(document: Document, rate: float | None) -> Found:
     return axes
 
 
-def _kf_gins(document: Document, rate: float | None) -> Found:
+def _kf_gins(document: ParameterFile, rate: float | None) -> Found:
     """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
     time = 3600.0 * _required(document, "corrtime")[0]
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
@@ -163,11 +163,11 @@ def _kf_gins(document: Document, rate: float | None) -> Found:
     return axes
 
 
-def _three(document: Document, key: str, unit: str = "") -> list[float]:
+def _three(document: ParameterFile, key: str, unit: str = "") -> list[float]:
     return each_axis(_required(document, key, unit), key)
 
 
-def _matlab(document: Document, rate: float | None) -> Found:
+def _matlab(document: ParameterFile, rate: float | None) -> Found:
     """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
     numbers in the code by the factor √2, and K is larger by this factor."""
     code = re.sub(r"%[^\n]*", "", document.text).replace("...", "")

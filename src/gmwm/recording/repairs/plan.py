@@ -33,7 +33,7 @@ _MOST_STRAIGHT = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class RepairPlan:
     """What is repaired on axes with one clock.
 
     Attributes
@@ -106,7 +106,7 @@ class Plan:
         return unwrapped(values, *self.wraps[axis]) if axis in self.wraps else values
 
 
-def plans_of(batch: Batch, duplicates: float) -> list[Plan]:
+def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
     """Return a plan for each group of axes that one clock can describe. Axes of one sensor stay together. `duplicates`
     is the share of time stamps that equal the one before."""
     signals = batch.signals
@@ -121,7 +121,7 @@ def plans_of(batch: Batch, duplicates: float) -> list[Plan]:
     return [_plan(tuple(axes), found, batch, begins) for found, axes in groups.items()]
 
 
-def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: Indices) -> Plan:
+def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: Indices) -> RepairPlan:
     values = {axis: batch.signals[axis].values for axis in axes}
     wraps = {axis: wrap for axis in axes if (wrap := modulus_of(values[axis])) is not None}
     alone = {axis: repeats([values[axis]], begins) for axis in axes}
@@ -143,7 +143,7 @@ def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: In
                 lines[axis] = least
     dead = dead if dead < _MOST_DEAD * len(batch) else 0
     counts = {axis: count for axis in axes if (count := count_of(values[axis])) is not None}
-    return Plan(
+    return RepairPlan(
         axes=axes, repeats=found, frozen=frozen, straight=lines, wraps=wraps, dead=dead, counts=counts, levels=levels
     )  # fmt: skip
 

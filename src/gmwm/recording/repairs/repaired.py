@@ -14,7 +14,7 @@ from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed, batches
 from gmwm.recording.chunks import Samples
 from gmwm.recording.repairs.averages import averaged, averaged_samples
-from gmwm.recording.repairs.plan import Plan, plans_of
+from gmwm.recording.repairs.plan import RepairPlan, plans_of
 from gmwm.recording.repairs.runs import Indices
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
@@ -36,7 +36,7 @@ def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
     return tuple(_averaged_if_filtered(_of_plan(recording, plan)) for plan in plans)
 
 
-def _of_plan(recording: Imu | Streamed, plan: Plan) -> Imu | Streamed:
+def _of_plan(recording: Imu | Streamed, plan: RepairPlan) -> Imu | Streamed:
     return _repaired_imu(recording, plan) if isinstance(recording, Imu) else RepairedStream(recording, plan)
 
 
@@ -48,7 +48,7 @@ def _averaged_if_filtered(recording: Imu | Streamed) -> Imu | Streamed:
 class Repair:
     """One pass over the samples of a recording that applies a plan, and counts what it changed."""
 
-    def __init__(self, plan: Plan, rate: float) -> None:
+    def __init__(self, plan: RepairPlan, rate: float) -> None:
         self.plan, self.rate = plan, rate / plan.every
         self.starts, self.sizes = list[float](), list[int]()
         self._counts = dict.fromkeys(("repeated", "frozen", "interpolated", "wrapped"), 0)
@@ -179,7 +179,7 @@ class Repair:
 class RepairedStream:
     """A recording in a file whose samples are repaired while they are read."""
 
-    def __init__(self, stream: Streamed, plan: Plan) -> None:
+    def __init__(self, stream: Streamed, plan: RepairPlan) -> None:
         self._stream, self._plan = stream, plan
         self._repair: Repair | None = None
         self.source, self.axes, self.rate = stream.source, plan.axes, stream.rate / plan.every
@@ -205,7 +205,7 @@ class RepairedStream:
         self._repair = repair
 
 
-def _repaired_imu(imu: Imu, plan: Plan) -> Imu:
+def _repaired_imu(imu: Imu, plan: RepairPlan) -> Imu:
     first = imu.signals[plan.axes[0]]
     runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
     values = {axis: imu.signals[axis].values for axis in plan.axes}
