@@ -164,8 +164,8 @@ def test_methods_stand_as_they_should(tmp_path: Path) -> None:
     assert main(["comparison", "--reduced", "--output", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
     text = (tmp_path / "comparison.md").read_text(encoding="utf-8")
-    assert text.startswith(study_comparison.table(result))
-    assert text.count("\n### ") == 2
+    assert text.startswith("# Comparison of estimators")
+    assert study_comparison.table(result).count("\n### ") == 2
     assert (tmp_path / "comparison.svg").stat().st_size > 10_000
     standing = {(row["model"], row["samples"], row["method"]): row for row in result["methods"]}
     for (model, _, method), row in standing.items():

@@ -50,6 +50,11 @@ def covariance(process, n: int, rate: float):
             return np.zeros((n, n))
         case "GM":
             return v["sigma2"] * np.exp(-v["beta"] / rate * toeplitz(k))
+        case "OSC":
+            omega, t = 2 * np.pi * v["frequency"], toeplitz(k) / rate
+            a = omega / 2 / v["quality"]
+            turn = np.sqrt(omega**2 - a**2)
+            return v["sigma2"] * np.exp(-a * t) * (np.cos(turn * t) + a / turn * np.sin(turn * t))
         case "AR1":
             return v["sigma2"] / (1 - v["phi"] ** 2) * v["phi"] ** toeplitz(k)
         case "SIN":

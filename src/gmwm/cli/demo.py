@@ -15,7 +15,7 @@ from gmwm.base.remarks import Dialect
 from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
-from gmwm.calibration.tables import wrap_text
+from gmwm.calibration.tables import WIDTH, wrap_text
 from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
+SAMPLES = 720_000
+"""Two hours at 100 Hz."""
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
@@ -64,7 +66,8 @@ def demo(
         imu = read(file)
     with progress("inspecting"):
         inspection = inspect(imu)
-    say(inspection_text(inspection, Dialect.SHELL) + "\n")
+    lines = inspection_text(inspection, Dialect.SHELL).splitlines()
+    say("\n".join(part for line in lines for part in ([line] if len(line) <= WIDTH else wrap_text(line))) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
     plots = helpers.begin(pictures, calibration, "auto", "auto")
     say(summary(calibration, Dialect.SHELL))
@@ -95,7 +98,7 @@ def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     from gmwm.theory.simulation import simulate
 
     with progress("simulating"):
-        imu = simulate(truth, rate=100.0, samples=720_000, rng=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu

@@ -208,7 +208,7 @@ def fit(
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
         command="fit", document=content, in_text=tuple(_remarks(fits, carried)), text="\n\n".join(parts),
-        files=tuple(_files(fits, content, output, plot, _drawer(view or "auto", picture_units(datasheet)))),
+        files=tuple(_files(fits, content, output, plot, picture=_drawer(view or "auto", picture_units(datasheet)))),
     )  # fmt: skip
 
 

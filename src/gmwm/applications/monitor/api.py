@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 HOLD = 60.0
 """Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""
+REMEMBERED_S = 3600.0
+"""A fault that recurs within this time (s) is not reported again, unless it is larger. A jump is always reported."""
 FORMAT = "gmwm-monitor"
 
 
@@ -374,8 +376,7 @@ class Monitor(OneAtATime):
             self._moved = Stillness()
             faults = {axis: fault for axis, fault in faults.items() if axis not in moving}
         for axis, fault in faults.items():
-            # A fault that recurs within an hour is not reported again, unless it is larger. A jump is always reported.
-            remembered = round(3600.0 * self.rate)
+            remembered = round(REMEMBERED_S * self.rate)
             new = self._axes[axis].report(
                 fault.kind, by_axis[axis], hold=hold, remembered=remembered, magnitude=fault.magnitude
             )

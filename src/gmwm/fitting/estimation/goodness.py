@@ -53,16 +53,18 @@ class GoodnessOfFit(FrozenArrays, Documented, Summarised):
     left_out: tuple[int, ...]
     method: Method
 
-    def summary(self) -> str:
-        """Describe the test in one line."""
+    def summary(self, among_all: bool | None = None) -> str:
+        """Describe the test in one line. `among_all` tells whether the level of all axes together rejects the model."""
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
         if self.method == "bootstrap":
             law = f"objective {self.statistic:.4g} compared with simulated recordings"
         first, last = self.levels[0], self.levels[-1]
         every = len(self.levels) == last - first + 1
         used = f"{'' if every else f'{len(self.levels)} of '}levels {first} to {last}"
-        verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
-        return f"{law}, {used}: p {p_relation(self.pvalue)}, {verdict} at the 5 % level"
+        rejected = self.pvalue <= 0.05 if among_all is None else among_all
+        verdict = f"the model is {'' if rejected else 'not '}rejected at the 5 % level"
+        several = " for all axes together" if self.pvalue <= 0.05 and not rejected else ""
+        return f"{law}, {used}: p {p_relation(self.pvalue)}, {verdict}{several}"
 
     @property
     def pvalue_in_words(self) -> str:

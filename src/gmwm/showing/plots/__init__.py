@@ -50,6 +50,7 @@ _RESULTS = {
     "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
     "measuring.variance.allan_regression.AllanRegression": "allan.plot_avlr",
     "measuring.variance.result.WaveletVariances": "imu.plot_imu",
+    "measuring.axis_results.ResultsByAxis": "imu.plot_results",
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
     "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
     "recording.signals.Imu": "series.plot_recording", "recording.signals.Signal": "series.plot_signal",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from gmwm.base.errors import OptionError
+from gmwm.measuring.axis_results import ResultsByAxis
+from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
 from gmwm.showing.plots.curves import wavelet_variance_panel
 from gmwm.showing.plots.drawing import drawing
@@ -69,6 +71,35 @@ def plot_imu(
         If an option is unknown, `items` is empty, or `split` is False and an axis has several curves.
     """
     return imu_figure(items, split=split, view=view, units=units)
+
+
+@drawing
+def plot_results(
+    results: ResultsByAxis[Any], *, units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Draw the results of one function for several axes: fits with a panel for each axis, variances by sensor.
+
+    Parameters
+    ----------
+    results : mapping of axis to Fit or ClusterVariance
+        Results of one kind by the name of their axis.
+
+    Raises
+    ------
+    OptionError
+        If the results are of another kind, such as rankings, which are drawn one by one.
+    """
+    from gmwm.showing.plots.allan import allan_figure
+
+    curves = {axis: result for axis, result in results.items() if isinstance(result, ClusterVariance)}
+    if curves:
+        return allan_figure(curves, units=units, guides=True)
+    if any(not hasattr(result, "implied") for result in results.values()):
+        raise OptionError(
+            f"the results of {', '.join(results)} have no plot together", argument="results", got=results,
+            advice="Draw one of them, as in `results[axis].plot()`.",
+        )  # fmt: skip
+    return imu_figure(results, units=units)
 
 
 def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: UnitSystem) -> Figure:

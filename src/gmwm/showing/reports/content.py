@@ -203,11 +203,7 @@ def _test(axis: AxisCalibration, rejected: bool) -> str:
     """
     if axis.test is None:
         return "No test: there are too few levels"
-    summary = axis.test.summary()
-    if not rejected:
-        summary = summary.replace(
-            "is rejected at the 5 % level", "is not rejected at the 5 % level for all axes together"
-        )
+    summary = axis.test.summary(rejected and axis.test.pvalue <= 0.05)
     return f"{summary[:1].upper()}{summary[1:]}"
 
 
