@@ -6,6 +6,7 @@ import pytest
 import gmwm
 from gmwm import Signal
 from gmwm.measuring.inspection import inspect
+from gmwm.measuring.inspection.saturation import _loss
 from gmwm.recording.signals import Imu
 from tests.helpers import codes, only
 from validation import faults
@@ -26,7 +27,8 @@ def imu_of(x):
 
 
 NAMED = {
-    "output-clipped", "output-rounded:counter", "level-steps", "trend:swing", "fault-undone:held",
+    "output-clipped:noise", "output-clipped:rare", "output-rounded:counter", "level-steps", "trend:swing",
+    "fault-undone:held",
     "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
     "fault-undone:wrapped",
 }  # fmt: skip
@@ -42,16 +44,45 @@ def test_a_clean_recording_has_no_fault(kind):
 def test_clipping_is_found_with_its_share(kind):
     for seed in range(3):
         x = faults.FAULTS[kind](SAMPLES, np.random.default_rng(seed))
-        remark = only(seen(x).remarks, "output-clipped", "gyro_x")
+        remark = only(seen(x).remarks, "output-clipped:noise", "gyro_x")
         at_ends = np.count_nonzero(x == x.max()) + (np.count_nonzero(x == x.min()) if kind == "clipped_both" else 0)
         assert remark.facts["share"] == pytest.approx(100 * at_ends / x.size, rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("step", [0.0, 1e-7, 0.01, 0.1, 0.3])
+def test_clipping_is_the_only_fault_of_a_clipped_output_at_any_resolution(share, step):
+    rng = np.random.default_rng(4)
+    x = rng.standard_normal(SAMPLES) + np.cumsum(0.002 * rng.standard_normal(SAMPLES))
+    x = np.minimum(x, np.quantile(x, 1 - share))
+    found = named((np.round(x / step) * step if step else x) * 1e-3)
+    assert "output-clipped:noise" in found
+    assert not {"coarse-output", "knocks"} & found
+
+
+@pytest.mark.parametrize(("share", "case"), [(0.002, "rare"), (0.02, "noise")])
+def test_few_clipped_samples_leave_the_numbers_usable(share, case):
+    rng = np.random.default_rng(5)
+    x = 1e-3 * (rng.standard_normal(SAMPLES) + np.cumsum(0.01 * rng.standard_normal(SAMPLES)))
+    calibration = gmwm.calibrate(imu_of(np.minimum(x, np.quantile(x, 1 - share))), "WN + RW")
+    only(calibration.remarks, f"output-clipped:{case}", "gyro_x")
+    uses = {calibration.number_verdicts["gyro_x"][symbol].usability.value for symbol in ("N", "K")}
+    assert uses == {"use" if case == "rare" else "do not use"}
+
+
+def test_the_loss_of_clipped_gaussian_noise_is_that_of_the_samples():
+    z = np.random.default_rng(6).standard_normal(1_000_000)
+    for low, high in ((-9.0, 2.0), (-1.0, 0.0)):
+        shares = [float(np.mean(z >= high)), float(np.mean(z <= low))]
+        loss = _loss([share for share in shares if share])
+        assert loss == pytest.approx(1 - np.std(np.clip(z, low, high)), abs=2e-3)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
 def test_a_coarse_output_is_not_clipped(ratio, place):
     x = np.random.default_rng(3).normal(place * ratio, 1.0, 200_000)
-    assert "output-clipped" not in named(np.round(x / ratio) * ratio * 1e-3)
+    assert not named(np.round(x / ratio) * ratio * 1e-3) & {"output-clipped:noise", "output-clipped:rare"}
 
 
 def test_numbers_of_a_clipped_axis_are_not_used():
@@ -65,7 +96,7 @@ def test_a_counter_is_named_and_keeps_its_numbers(kind):
     x = faults.FAULTS[kind](SAMPLES, np.random.default_rng(2))
     found = named(x)
     assert "output-rounded:counter" in found
-    assert not {"coarse-output", "output-clipped", "level-steps", "knocks"} & found
+    assert not {"coarse-output", "output-clipped:noise", "level-steps", "knocks"} & found
     calibration = gmwm.calibrate(imu_of(x), "WN + QN + RW")
     assert calibration.axes["gyro_x"].verdict.replaced.spikes == 0
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"

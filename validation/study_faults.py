@@ -23,7 +23,7 @@ SAMPLES = 120_000
 N = faults.WHITE / np.sqrt(faults.RATE)
 
 NAMED: dict[str, str] = {
-    "clipped": "output-clipped", "clipped_both": "output-clipped", "full_scale": "output-clipped",
+    "clipped": "output-clipped:noise", "clipped_both": "output-clipped:noise", "full_scale": "output-clipped:noise",
     "held_2": "fault-undone:held", "held_4": "fault-undone:held", "held_10": "fault-undone:held",
     "held_coarse": "fault-undone:held", "polled": "fault-undone:held", "lost": "fault-undone:repeated",
     "asleep": "fault-undone:frozen", "dead_start": "fault-undone:dead", "jump": "fault-undone:jumps",

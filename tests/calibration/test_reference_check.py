@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm import Signal
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.calibration.reference_check import _cause, _row
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers import given_noise
+from gmwm.recording.signals import Imu
 from gmwm.showing.exporters.given import given_calibration
 from tests.exporters.consumers import CONSUMERS
 from tests.helpers import code_of, only, raises
@@ -63,7 +65,8 @@ def test_the_factor_is_that_of_the_file_in_any_convention(calibration, format, s
         assert row.reference == pytest.approx(size * truth, rel=1e-5)
         assert row.factor == pytest.approx(size, rel=0.05 if row.symbol == "N" else 0.8)
         if size == 1.0:
-            assert row.verdict in ("agrees", "close")
+            refused = calibration.number_verdicts[row.axis][row.symbol].usability.value == "do not use"
+            assert row.verdict in (("unusable",) if refused else ("agrees", "close"))
         elif row.symbol == "N":
             assert row.verdict == ("larger" if size > 1 else "smaller")
         # The measured value in the convention of the file gives the measured density by the rule of the consumer.
@@ -130,3 +133,13 @@ def test_documents_and_errors(calibration, tmp_path):
         calibration.agree({"gyro.N": (1.0, "deg/h")})
     with raises(OptionError, argument="source"):
         calibration.agree("nothing.yaml")
+
+
+def test_a_number_that_must_not_be_used_is_not_compared():
+    x = np.random.default_rng(1).normal(0, 1e-3, 60_000)
+    imu = Imu({"gyro_x": Signal(np.minimum(x, 0.0), RATE, "rad/s", axis="gyro_x")})
+    check = gmwm.calibrate(imu, "WN + RW").agree({"gyro.N": (1e-4, "rad/s/√Hz")})
+    assert [row.verdict for row in check] == ["unusable"]
+    assert check.of("larger") == ()
+    assert "better" not in check.summary()
+    assert "do not use" in check.summary()

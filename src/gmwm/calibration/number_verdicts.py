@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.axis_names import sensor_of
-from gmwm.base.remarks import Quantity, Remark, sorted_remarks
+from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
@@ -88,7 +88,7 @@ def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdi
 def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     """Return the verdict of a number from its interval and the remarks on its axis, the most severe remark first."""
     symbol = entry.symbol.partition(" of ")[0].partition("[")[0]
-    remarks = tuple(remarks)
+    remarks = tuple(remark for remark in remarks if remark.severity is not Severity.INFO)
     spoiling = next((remark for remark in remarks if _touches(remark, remark.message.spoils, symbol)), None)
     raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not _is_small(r, entry)), None)
     # If recordings differ, no model fits their mean, and its numbers have wide intervals.

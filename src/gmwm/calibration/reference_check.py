@@ -15,6 +15,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
@@ -23,7 +24,7 @@ from gmwm.files.importers.quantities import as_reference
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
-Verdict = Literal["agrees", "close", "larger", "smaller", "unknown"]
+Verdict = Literal["agrees", "close", "larger", "smaller", "unusable", "unknown"]
 ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 
 CLOSE = 0.1
@@ -34,7 +35,7 @@ LEAST = 3.0
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
 _WORDS = {
     "agrees": "agrees", "close": "within 10 %", "larger": "larger than measured", "smaller": "smaller than measured",
-    "unknown": "not measured",
+    "unusable": "do not use the measured number", "unknown": "not measured",
 }  # fmt: skip
 
 
@@ -55,9 +56,10 @@ class ReferenceNumber(Documented):
         Key of the number in the file; "" for a datasheet.
     written : float or None
         Value as written in the file; None for a datasheet.
-    verdict : "agrees", "close", "larger", "smaller" or "unknown"
+    verdict : "agrees", "close", "larger", "smaller", "unusable" or "unknown"
         "agrees" if the reference is inside the confidence interval, "close" if it differs by at most 10 %, otherwise
-        "larger" or "smaller" than measured; "unknown" if the number was not measured.
+        "larger" or "smaller" than measured; "unusable" if `Calibration.number_verdicts` says not to use the number;
+        "unknown" if it was not measured.
     """
 
     axis: str
@@ -154,7 +156,7 @@ class ReferenceCheck(Documented, Summarised):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """The verdict, and remarks on ratios that look like a conversion factor of units."""
-        counts = {name: len(self.of(name)) for name in ("smaller", "larger", "unknown")}
+        counts = {name: len(self.of(name)) for name in ("smaller", "larger", "unusable", "unknown")}
         state = "file" if self.format != "datasheet" else "datasheet"
         agreeing = len(self.of("agrees", "close"))
         worst = next((name for name, count in counts.items() if count), "all")
@@ -171,6 +173,8 @@ class ReferenceCheck(Documented, Summarised):
         for row in self.rows:
             sensors.setdefault((sensor_of(row.axis), row.symbol), []).append(row)
         for rows in sensors.values():
+            if any(row.verdict == "unusable" for row in rows):
+                continue
             causes, factor = {_cause(row, self.rate) for row in rows}, rows[0].factor
             if len(causes) == 1 and (cause := causes.pop()) is not None and factor is not None:
                 names = tuple(f"{row.symbol} of {row.axis}" for row in rows)
@@ -203,7 +207,8 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
             argument="reference", expected=f"numbers of an axis of {', '.join(calibration)}", got=", ".join(unmatched)
         )
     return ReferenceCheck(
-        rows=tuple(rows), name=name, format=form, horizon=horizon, rate=rate, level=level, unmatched=tuple(unmatched)
+        rows=tuple(_with_use(row, calibration) for row in rows), name=name, format=form, horizon=horizon,
+        rate=rate, level=level, unmatched=tuple(unmatched),
     )  # fmt: skip
 
 
@@ -271,6 +276,14 @@ def _row(
     return ReferenceNumber(
         axis=axis, symbol=symbol, reference=value, measured=measured, key=key, written=written, verdict=verdict
     )  # fmt: skip
+
+
+def _with_use(row: ReferenceNumber, calibration: Calibration) -> ReferenceNumber:
+    """Return a row with the verdict "unusable" if a remark says that the measured number must not be used."""
+    use = calibration.number_verdicts[row.axis].get(row.symbol)
+    # Without a remark, the number has no upper limit, but that for the horizon of a file can have one.
+    refused = use is not None and use.usability is Usability.DO_NOT_USE and use.reason is not None
+    return replace(row, verdict="unusable") if refused and row.verdict != "unknown" else row
 
 
 def _verdict(reference: float, measured: Entry | None) -> Verdict:

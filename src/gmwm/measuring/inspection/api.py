@@ -22,7 +22,7 @@ from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
 from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
-from gmwm.measuring.inspection.saturation import Extremes, Saturation, saturation_of
+from gmwm.measuring.inspection.saturation import Ends, Saturation, saturation_of
 from gmwm.measuring.inspection.swings import swing_of
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import trend_of
@@ -121,7 +121,7 @@ class FirstPass:
         self._batches = batches
         axes = batches.recording.axes
         self._samples = {axis: Sample() for axis in axes}
-        self._extremes = {axis: (Extremes(), Extremes()) for axis in axes}
+        self._ends = {axis: Ends() for axis in axes}
         self._segments = Segments()
         self._temperature: tuple[float, float] | None = None
 
@@ -136,9 +136,7 @@ class FirstPass:
         def work(axis: str, sample: Sample) -> None:
             values = batch.signals[axis].values
             sample.update(values)
-            low, high = self._extremes[axis]
-            low.update(-values)
-            high.update(values)
+            self._ends[axis].update(values)
 
         in_threads(work, self._samples)
 
@@ -154,7 +152,7 @@ class FirstPass:
             ),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
             values=self._batches.values, temperature=self._temperature,
-            extremes=self._extremes,
+            ends=self._ends,
         )  # fmt: skip
 
 
@@ -166,11 +164,11 @@ class RecordingStatistics:
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
         resolutions: Mapping[str, float | None], values: Values, temperature: tuple[float, float] | None,
-        extremes: Mapping[str, tuple[Extremes, Extremes]],
+        ends: Mapping[str, Ends],
     ) -> None:  # fmt: skip
         self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._resolutions, self._values, self._temperature = resolutions, values, temperature
-        self._extremes = extremes
+        self._ends = ends
         self._units: dict[str, str] = {}
         self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
         self._same = 0
@@ -188,7 +186,17 @@ class RecordingStatistics:
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
         parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
-        knocks = () if parts else knocks_of({axis: sums.outliers() for axis, sums in statistics.items()}, extent)
+        stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
+        saturations = tuple(
+            saturation
+            for axis, item in axes.items()
+            if stuck[axis] is None and (saturation := self._saturation(axis, item)) is not None
+        )
+        # Most samples of a clipped or stuck axis can be the same, so that all others are far from them.
+        moving = set(axes) - {item.axis for item in saturations if item.matters}
+        moving -= {axis for axis, finding in stuck.items() if finding is not None}
+        outliers = {axis: sums.outliers() for axis, sums in statistics.items() if axis in moving}
+        knocks = () if parts else knocks_of(outliers, extent)
         means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
         steps = () if parts else self._steps(means)
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
@@ -202,12 +210,6 @@ class RecordingStatistics:
         restless = {
             axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
         }
-        stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
-        saturations = tuple(
-            saturation
-            for axis, item in axes.items()
-            if stuck[axis] is None and (saturation := self._saturation(axis, item)) is not None
-        )
         # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
         # Change of the direction of gravity (standard errors) that noise does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
@@ -221,7 +223,8 @@ class RecordingStatistics:
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
             *findings.of_gravity(None if parts else gravity),
-            *findings.of_rounding(axes, extent.rate), *findings.of_units(self._densities()),
+            *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
+            *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
         )  # fmt: skip
@@ -269,9 +272,10 @@ class RecordingStatistics:
         )  # fmt: skip
 
     def _saturation(self, axis: str, item: AxisInspection) -> Saturation | None:
-        low, high = self._extremes[axis]
         noise = item.before_rounding or 0.0
-        return saturation_of(axis, low, high, samples=self._extent.samples, step=item.lsb or 0.0, noise=noise)
+        return saturation_of(
+            axis, self._ends[axis], samples=self._extent.samples, step=item.lsb or 0.0, noise=noise
+        )  # fmt: skip
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) at which an axis is constant for a window, and the share of such windows; None if

@@ -70,7 +70,10 @@ def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str])
     """Yield remarks on axes whose output is clipped."""
     for item in saturations:
         value = _as_printed(item.value, units[item.axis])
-        yield Remark.of("output-clipped", item.axis, share=100 * item.share, value=value)
+        case = "noise" if item.matters else "rare"
+        yield Remark.of(
+            "output-clipped", item.axis, case=case, share=100 * item.share, value=value, loss=100 * item.loss
+        )  # fmt: skip
 
 
 def of_motion(

@@ -51,6 +51,8 @@ class Step:
 def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:
     """Group the outliers of all axes into knocks."""
     axes = tuple(outliers)
+    if not axes:
+        return ()
     index, deviation = (np.concatenate(column) for column in zip(*outliers.values(), strict=True))
     axis_number = np.repeat(np.arange(len(axes)), [places.size for places, _ in outliers.values()])
     if index.size == 0:

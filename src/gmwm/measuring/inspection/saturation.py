@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -18,14 +19,23 @@ _EXPECTED = 30.0
 """Number of samples that Gaussian noise would have beyond the extreme value, whose absence is not chance."""
 
 
+_FINE = 3.0
+"""Quantization steps between neighbouring samples that differ, as median. From it on, rounding does not shape the
+tails. Such Gaussian noise has a standard deviation of at least three steps."""
+_NORMAL = NormalDist()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
-    """Samples of an axis at its smallest or largest value. `share` is their share, and `value` the value at which there
-    are most of them."""
+    """Samples of an axis at its smallest or largest value. `share` is their share, `value` the value at which there
+    are most of them, and `loss` the share of its standard deviation that Gaussian noise loses. `matters` is whether
+    N loses more than half the 95 % confidence interval of white noise."""
 
     axis: str
     share: float
     value: float
+    loss: float
+    matters: bool
 
 
 class Extremes:
@@ -67,13 +77,52 @@ class Extremes:
         return bool(self.counts[-1] ** 2 / self.counts[-2] * math.exp(-((step / noise) ** 2)) > _EXPECTED)
 
 
-def saturation_of(
-    axis: str, low: Extremes, high: Extremes, *, samples: int, step: float, noise: float
-) -> Saturation | None:
-    """Return the share of clipped samples of an axis; None if it is not clipped. `low` has the extremes of the negative
-    samples."""
-    clipped = [(int(side.counts[-1]), sign * float(side.levels[-1])) for side, sign in ((low, -1.0), (high, 1.0))
-               if side.is_clipped(samples, step, noise)]  # fmt: skip
+class Ends:
+    """Both ends of the range of an axis (`low` has those of the negative samples), and how far its samples move."""
+
+    def __init__(self) -> None:
+        self.low, self.high = Extremes(), Extremes()
+        self._moves = list[float]()
+
+    def update(self, values: Vector) -> None:
+        """Add samples."""
+        self.low.update(-values)
+        self.high.update(values)
+        stride = max(1, values.size // 20_000)  # so that a batch of any length costs little
+        moves = np.abs(values[1::stride] - values[:-1:stride])
+        if np.any(moves):
+            self._moves.append(float(np.median(moves[moves > 0])))
+
+    def is_fine(self, step: float) -> bool:
+        """Return whether most changes from one sample to the next are many quantization steps. Clipped samples hide the
+        noise from an estimate of its standard deviation, but not from this test."""
+        return bool(self._moves) and float(np.median(self._moves)) > _FINE * step
+
+
+def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: float) -> Saturation | None:
+    """Return the share of clipped samples of an axis; None if it is not clipped. Arguments as in `is_clipped`."""
+    if ends.is_fine(step):
+        step = 0.0
+    clipped = [
+        (int(side.counts[-1]), sign * float(side.levels[-1]))
+        for side, sign in ((ends.low, -1.0), (ends.high, 1.0))
+        if side.is_clipped(samples, step, noise)
+    ]
     if not clipped:
         return None
-    return Saturation(axis=axis, share=sum(count for count, _ in clipped) / samples, value=max(clipped)[1])
+    share = sum(count for count, _ in clipped) / samples
+    loss = _loss([count / samples for count, _ in clipped]) if share < 1 else 1.0
+    return Saturation(
+        axis=axis, share=share, value=max(clipped)[1], loss=loss, matters=loss > 1.96 / math.sqrt(2 * samples)
+    )
+
+
+def _loss(shares: list[float]) -> float:
+    """Return the share of the standard deviation that Gaussian noise loses if these shares are clipped at its ends."""
+    variance, shift = 1.0, 0.0
+    for sign, share in zip((1.0, -1.0), shares, strict=False):
+        end = _NORMAL.inv_cdf(1 - share)
+        density = _NORMAL.pdf(end)
+        variance -= end * density + share - end**2 * share
+        shift += sign * (density - end * share)
+    return 1 - math.sqrt(max(variance - shift**2, 0.0))
