@@ -66,7 +66,7 @@ def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Pa
         marks.append(Band(growth.times, growth.low, growth.high, GREY, label=label, layer=BAND))
     kind = growth.name.partition("_")[0]
     limits = limits_near(
-        np.concatenate([growth.error, growth.low, growth.high]), [part.y for part in parts], reach=30.0
+        np.concatenate([growth.error, growth.low[growth.low > 0], growth.high]), [part.y for part in parts], reach=30.0
     )
     label = f"{_TITLES.get(kind, 'Error')} ({growth.unit})"
     x = time_axis(growth.times, "Time (s)")

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.walk import RW
 
 
 def variance_limit(
-    wv: WaveletVariance, processes: Iterable[Process], of: Callable[[Process], float | Vector]
-) -> Vector:
+    wv: WaveletVariance, processes: Iterable[Process], of: Callable[[Process], float | Matrix]
+) -> Matrix:
     """Return an upper limit of the variance that `of` computes, for any strengths of the processes.
 
     Let the processes p have the wavelet variances ν_p and the variances f_p at the same strength. At each level, the
