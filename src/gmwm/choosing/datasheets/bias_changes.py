@@ -49,9 +49,9 @@ class BiasTerms:
         """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
         stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
         contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
-        noise contribute the Allan variance at T, half the variance of the difference between the means of two
-        successive recordings. Ramps are not noise. `span` includes the samples that are missing in gaps; for each term,
-        the larger of the variances for both lengths is used."""
+        noise, and stationary noise with a correlation time above T, contribute the Allan variance at T, half the
+        variance of the difference between the means of two successive recordings. Ramps are not noise. `span` includes
+        the samples that are missing in gaps; for each term, the larger of the variances for both lengths is used."""
         rate = self.curve.rate
 
         def of(process: Process) -> float:
@@ -144,7 +144,10 @@ def is_scale_free(process: Process, rate: float) -> bool:
 
 
 def _mean_variance(process: Process, samples: int, rate: float) -> float:
-    if not process.has("state_space") or is_scale_free(process, rate):
+    # A recording does not show the level of a stationary process whose correlation time exceeds its length.
+    time = process.correlation_time(rate)
+    beyond = time is not None and samples / rate < time < math.inf
+    if beyond or not process.has("state_space") or is_scale_free(process, rate):
         return float(process.allan_variance([samples], rate)[0])
     if process.has("autocovariance"):
         begin, end = process.running_sum_covariance([0, samples], rate)

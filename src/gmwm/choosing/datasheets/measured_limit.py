@@ -23,7 +23,7 @@ def variance_limit(
     processes, because slow noise of unknown correlation time looks like it.
     """
     seen = wv.variance > 0  # A variance of zero is due to the coarse resolution of the output.
-    parts = [p for p in (*map(_unit, processes), RW(gamma2=1.0)) if p.scale > 0]
+    parts = [p for p in (*map(at_some_strength, processes), RW(gamma2=1.0)) if p.scale > 0]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratios = [
             np.multiply.outer(1 / p.wavelet_variance(wv.levels, wv.rate, wv.filter)[seen], np.asarray(of(p)))
@@ -32,6 +32,14 @@ def variance_limit(
         steepest = np.nanmax(np.array(ratios), axis=0)
     upper = wv.upper[seen].reshape((-1,) + (1,) * (steepest.ndim - 1))
     return np.asarray((upper * steepest).min(axis=0, initial=np.inf))
+
+
+def strength_limit(wv: WaveletVariance, process: Process) -> float:
+    """Return the largest factor of the variance of a process at which its wavelet variance exceeds the upper confidence
+    limit of the measured one at no more than two levels, because two levels can be low by chance."""
+    implied = process.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    seen = (wv.variance > 0) & (implied > 0)
+    return float(np.sort(wv.upper[seen] / implied[seen])[:3].max(initial=0.0)) or float("inf")
 
 
 def allan_limit(wv: WaveletVariance, process_ratio: Vector) -> float:
@@ -45,7 +53,7 @@ def allan_limit(wv: WaveletVariance, process_ratio: Vector) -> float:
     return float(high[max(k - 1, 0) : k + 2].max())
 
 
-def _unit(process: Process) -> Process:
-    """Return a process with a strength above zero."""
+def at_some_strength(process: Process) -> Process:
+    """Return a process, with a scale of 1 if it is zero."""
     scale = process.scale_parameter()
     return process if process.scale > 0 else process.with_values(**{scale.name: process.value_from(1.0)})
