@@ -215,7 +215,8 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
     """Return half the width of the confidence interval of a mean, averaged over models with weights. In each model, the
     mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees of freedom, at
-    least 1. The tail areas are averaged (docs/validation/rest.md)."""
+    least 1. The tail areas are averaged (docs/validation/rest.md). It is at most the
+    normal interval of the largest variance that the measured wavelet variance allows."""
     from scipy.special import stdtr
 
     spreads = [
@@ -230,7 +231,7 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
         middle = (low + high) / 2
         outside = sum(weight * 2 * float(stdtr(freedom, -middle / size)) for weight, size, freedom in spreads)
         low, high = (middle, high) if outside > (1 - level) * total else (low, middle)
-    return high
+    return min(high, _quantile(math.inf, level) * math.sqrt(max((v.limit for _, v in models), default=0.0)))
 
 
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
@@ -287,7 +288,8 @@ def _average(models: Sequence[tuple[float, Variance]]) -> Variance:
         weight * ((variance.value * variance.relative) ** 2 + (variance.value - value) ** 2)
         for weight, variance in models
     )
-    return Variance(value, math.sqrt(scatter / total) / value)
+    limit = max(variance.limit for weight, variance in models)
+    return Variance(value, math.sqrt(scatter / total) / value, limit)
 
 
 def _limits(variance: Variance, level: float) -> tuple[float, float]:
@@ -295,9 +297,10 @@ def _limits(variance: Variance, level: float) -> tuple[float, float]:
     starts at 0 if the variance does not differ significantly from zero."""
     reach = _quantile(math.inf, level) * variance.relative
     size = math.sqrt(variance.value)
+    most = max(size, math.sqrt(variance.limit))
     if reach >= 1:
-        return 0.0, size * math.sqrt(1 + reach)
-    return size * math.exp(-reach / 2), size * math.exp(reach / 2)
+        return 0.0, min(size * math.sqrt(1 + reach), most)
+    return size * math.exp(-reach / 2), min(size * math.exp(reach / 2), most)
 
 
 def _quantile(freedom: float, level: float) -> float:

@@ -17,6 +17,7 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.choosing.datasheets.limits import WIDEST
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -143,6 +144,28 @@ def _times(duration: float, step: float) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
+class _Part:
+    """The mean squares (T, q) of the terms of an axis, the standard errors of their sum, and the largest sum that the
+    measured curve allows, which is infinite where the standard errors are small."""
+
+    squares: Mapping[str, Matrix]
+    errors: Matrix
+    limits: Matrix
+
+    def largest(self, reach: float) -> Matrix:
+        """Return the upper limits (T, q) of the sum for an interval of `reach` standard errors."""
+        total = np.asarray(sum(self.squares.values(), np.zeros_like(self.errors)))
+        width = np.divide(reach * self.errors, total, out=np.zeros_like(total), where=total > 0)
+        return np.asarray(np.minimum(total * np.exp(np.minimum(width, 600.0)), self.limits))
+
+
+def _is_wide(total: Matrix, error: Matrix) -> Matrix:
+    """Return where the ends of the interval of a root mean square differ by more than a factor of `WIDEST`, from the
+    mean squares and half the widths of their intervals."""
+    return np.asarray((total > 0) & (error > math.log(WIDEST) * total))
+
+
+@dataclass(frozen=True, eq=False)
 class _Maker:
     """Computation of the errors of a budget from the noise of its axes."""
 
@@ -178,29 +201,38 @@ class _Maker:
                     growths[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
         return growths
 
-    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[tuple[dict[str, Matrix], Matrix]]:
-        """Return for each axis the mean squares (T, q) of its terms, and the standard errors (T, q) of their sum."""
+    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[_Part]:
+        """Return the mean squares that the noise of each axis causes."""
         parts = []
         for axis, motion in motions.items():
             noise = self.axes[axis]
             squares = noise.mean_squares(motion, self.times.tolist(), rest)
             errors = noise.errors(motion, self.times.tolist(), rest, squares)
-            parts.append(({f"{axis} {label}": square for label, square in squares.items()}, errors))
+            total = np.asarray(sum(squares.values(), np.zeros_like(errors)))
+            limits = np.full_like(errors, np.inf)
+            # Where the interval is wider than the measured curve allows, the curve limits the mean squares of the axis.
+            if np.any(_is_wide(total, self.reach * errors)):
+                limits = np.maximum(noise.limits(motion, self.times.tolist(), rest), total)
+            parts.append(_Part({f"{axis} {label}": square for label, square in squares.items()}, errors, limits))
         return parts
 
     def _growth(
-        self, parts: Sequence[tuple[dict[str, Matrix], Matrix]], column: int, size: float | Vector, *, name: str,
+        self, parts: Sequence[_Part], column: int, size: float | Vector, *, name: str,
         title: str, unit: str,
     ) -> Growth:  # fmt: skip
         """Return the error in a column of the mean squares as a `Growth`. `size` is the unit of the error in SI."""
-        squares = {label: square[:, column] for terms, _ in parts for label, square in terms.items()}
+        squares = {label: square[:, column] for part in parts for label, square in part.squares.items()}
         total = np.asarray(sum(squares.values(), np.zeros(self.times.size)), dtype=np.float64)
-        error = np.sqrt(sum(errors[:, column] ** 2 for _, errors in parts))
+        error = self.reach * np.sqrt(sum(part.errors[:, column] ** 2 for part in parts))
         with np.errstate(divide="ignore", invalid="ignore"):
-            width = np.where(total > 0, np.minimum(self.reach * error / (2 * total), 300.0), 0.0)
-        root = np.sqrt(total) / size
+            width = np.where(total > 0, np.minimum(error / (2 * total), 300.0), 0.0)
+        # A wider interval is only an upper limit.
+        wide = _is_wide(total, error)
+        root, high = np.sqrt(total), np.sqrt(total) * np.exp(width)
+        most = np.sqrt(sum(part.largest(self.reach)[:, column] for part in parts))
+        low, high = np.where(wide, 0.0, root * np.exp(-width)), np.where(wide, np.minimum(high, most), high)
+        root, low, high = root / size, low / size, high / size
         terms = {label: np.sqrt(square) / size for label, square in squares.items() if np.any(square > 0)}
         return Growth(
-            name=name, title=title, unit=unit, times=self.times.copy(), error=root, low=root * np.exp(-width),
-            high=root * np.exp(width), terms=terms,
+            name=name, title=title, unit=unit, times=self.times.copy(), error=root, low=low, high=high, terms=terms,
         )  # fmt: skip

@@ -14,7 +14,9 @@ from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionEr
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import SI_UNIT
 from gmwm.choosing.datasheets.curve import FitCurve
+from gmwm.choosing.datasheets.measured_limit import variance_limit
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
@@ -29,6 +31,7 @@ class BudgetAxis:
     rate: float  # Hz
     # the estimated parameters and their covariance; None if the values were given, or have no standard errors
     curve: FitCurve | None = None
+    wavelet_variance: WaveletVariance | None = None  # that of the recording; None if the values were given
     longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
@@ -49,7 +52,7 @@ class BudgetAxis:
             except GmwmError:
                 curve = None
             terms = dict(zip(source.model.terms, source.model.processes, strict=True))
-            return cls(axis, _present(axis, terms, wv.rate), wv.rate, curve, longest=float(wv.tau[-1]) / 2)
+            return cls(axis, _present(axis, terms, wv.rate), wv.rate, curve, wv, longest=float(wv.tau[-1]) / 2)
         model = as_model(source)
         missing = [name for name, value in model.parameters.items() if value is None]
         if missing:
@@ -97,6 +100,13 @@ class BudgetAxis:
         slopes = np.array([slope(process, name) for process, name in self.curve.moving])
         variance = np.einsum("iab,ij,jab->ab", slopes, self.curve.scatter, slopes)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+
+    def limits(self, motion: Response, times: Sequence[float], rest: float) -> Matrix:
+        """Return the largest mean squares (T, q) that the measured wavelet variance allows; infinite without one."""
+        if self.wavelet_variance is None:
+            return np.full((len(times), motion.drive.size), np.inf)
+        processes = [p for p in self.terms.values() if p.oscillation() is None]
+        return variance_limit(self.wavelet_variance, processes, lambda p: self._of(p, motion, times, rest))
 
     def _of(self, process: Process, motion: Response, times: Sequence[float], rest: float) -> Matrix:
         steps = [max(1, round(time * self.rate)) for time in times]

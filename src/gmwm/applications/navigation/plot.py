@@ -61,13 +61,14 @@ def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Pa
         for label in _drawn_terms(growth)
     ]
     marks: list[Mark] = [Polyline(growth.times, growth.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
-    if not growth.certain:
-        label = f"{100 * budget.level:g} % interval"
-        marks.append(Band(growth.times, growth.low, growth.high, GREY, label=label, layer=BAND))
     kind = growth.name.partition("_")[0]
     limits = limits_near(
-        np.concatenate([growth.error, growth.low, growth.high]), [part.y for part in parts], reach=30.0
+        np.concatenate([growth.error, growth.low[growth.low > 0], growth.high]), [part.y for part in parts], reach=30.0
     )
+    if not growth.certain:
+        label = f"{100 * budget.level:g} % interval"
+        low = np.maximum(growth.low, limits[0])
+        marks.append(Band(growth.times, low, growth.high, GREY, label=label, layer=BAND))
     label = f"{_TITLES.get(kind, 'Error')} ({growth.unit})"
     x = time_axis(growth.times, "Time (s)")
     ticks = tuple(tick.value for tick in x.ticks)

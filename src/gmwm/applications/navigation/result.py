@@ -34,7 +34,8 @@ class Growth(FrozenArrays):
         Root mean square of the error.
     low, high : (T,) arrays, in `unit`
         Confidence limits of `error`, from the covariance of the estimated parameters. Both are equal to `error` if the
-        values of the model were given.
+        values of the model were given. If they differ by more than a factor of 10, `low` is 0, and `high` is at most
+        the error that the measured wavelet variance allows.
     terms : mapping of label to (T,) array, in `unit`
         Contribution of each term of each axis. The root of the sum of their squares is `error`.
     """

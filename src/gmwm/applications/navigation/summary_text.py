@@ -64,6 +64,8 @@ def error_text(one: Growth, k: int = -1) -> str:
     value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
     if low == high:
         return f"{significant(value, 3)} {one.unit}"
+    if low == 0:
+        return f"≤ {significant(high, 3)} {one.unit}"
     return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
 
 

@@ -20,7 +20,7 @@ from gmwm.choosing.datasheets.effective import (
     limited,
 )
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.limits import plausible
+from gmwm.choosing.datasheets.limits import measurable, plausible
 from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
@@ -142,10 +142,8 @@ def with_limits(sheet: Datasheet, fit: Fit) -> Datasheet:
         for entry in sheet.entries
         if not _repeats(entry, sheet)
     ]
-    return replace(
-        sheet,
-        entries=tuple(limited(fit, entry, sheet.level) if entry.symbol in FILTER else entry for entry in entries),
-    )
+    ends = (limited(fit, entry, sheet.level) if entry.symbol in FILTER else entry for entry in entries)
+    return replace(sheet, entries=tuple(measurable(entry, fit) for entry in ends))
 
 
 def _repeats(entry: Entry, sheet: Datasheet) -> bool:

@@ -15,6 +15,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve
 from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.datasheets.measured_limit import allan_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.measuring.variance.result import WaveletVariance
@@ -39,7 +40,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
     its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
     the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
-    confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used.
+    confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used. No upper end
+    exceeds the largest upper confidence limit of the measured σ near the minimum of its curve.
     """
     wv = fit.wavelet_variance
     noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
@@ -69,9 +71,13 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     if z is None or curve is None:
         return entry, remark
     reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, ENDLESS))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = fit.model.allan_variance(np.left_shift(1, wv.levels - 1), wv.rate) / fit.model.wavelet_variance(
+            wv.levels, wv.rate, wv.filter
+        )
+    high = max(value, min(value * reach, factor * math.sqrt(allan_limit(wv, ratio))))
     if remark is None or bounded is None:
-        return replace(entry, low=value / reach, high=value * reach), None
-    high = value * reach
+        return replace(entry, low=value / reach, high=high), None
     measured = _of_data(wv, model, lines, n)
     if measured is not None and factor * measured > high:
         high = factor * measured

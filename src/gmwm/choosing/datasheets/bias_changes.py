@@ -11,16 +11,19 @@ import numpy as np
 
 from gmwm.choosing.datasheets.curve import FitCurve, sensitivity
 from gmwm.choosing.datasheets.effective import is_flicker, is_scale
+from gmwm.choosing.datasheets.measured_limit import variance_limit
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 
 
 @dataclass(frozen=True)
 class Variance:
-    """A variance and its relative standard error."""
+    """A variance, its relative standard error, and the largest value that the measured wavelet variance allows."""
 
     value: float
     relative: float
+    limit: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class BiasTerms:
     processes: tuple[tuple[Process, bool], ...]
     curve: FitCurve
     moving: tuple[bool, ...]
+    wavelet_variance: WaveletVariance
 
     @classmethod
     def of(cls, fit: Fit) -> BiasTerms:
@@ -39,15 +43,15 @@ class BiasTerms:
         processes = tuple((p, is_slow(p, rate)) for p in fit.model.processes if p.scale > 0)
         known = {id(p): slow for p, slow in processes}
         moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)
-        return cls(processes, curve, tuple(moving))
+        return cls(processes, curve, tuple(moving), fit.wavelet_variance)
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
         """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
         stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
         contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
-        noise contribute the Allan variance at T, half the variance of the difference between the means of two
-        successive recordings. Ramps are not noise. `span` includes the samples that are missing in gaps; for each term,
-        the larger of the variances for both lengths is used."""
+        noise, and stationary noise with a correlation time above T, contribute the Allan variance at T, half the
+        variance of the difference between the means of two successive recordings. Ramps are not noise. `span` includes
+        the samples that are missing in gaps; for each term, the larger of the variances for both lengths is used."""
         rate = self.curve.rate
 
         def of(process: Process) -> float:
@@ -76,8 +80,9 @@ class BiasTerms:
         The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
         negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
         variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
-        With this mean, a random walk that is estimated as zero is not treated as absent."""
-        total, square, known = 0.0, 0.0, dict[int, float]()
+        With this mean, a random walk that is estimated as zero is not treated as absent. The mean is at most the limit
+        of `variance_limit`."""
+        total, square, limit, known = 0.0, 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:
             # The derivative with respect to a scale parameter is the variance itself.
@@ -96,8 +101,18 @@ class BiasTerms:
                 u = value / error
                 hazard = NormalDist().pdf(u) / NormalDist().cdf(u)
                 value, error = value + error * hazard, error * math.sqrt(max(1 - u * hazard - hazard**2, 0.0))
+                shapes = [p for p, own in self.processes if own]
+                shapes += [p for (p, _), own in zip(self.curve.moving, self.moving, strict=True) if own]
+                most = float(variance_limit(self.wavelet_variance, shapes, of))
+                value, error = min(value, most), min(error, most)
+                limit += most
+            else:
+                if error > value:
+                    shapes = [p for p, own in self.processes if not own]
+                    error = min(error, float(variance_limit(self.wavelet_variance, shapes, of)))
+                limit += value + 2 * error
             total, square = total + value, square + error**2
-        return Variance(total, math.sqrt(square) / total if total > 0 else 0.0)
+        return Variance(total, math.sqrt(square) / total if total > 0 else 0.0, limit)
 
 
 def is_slow(process: Process, rate: float) -> bool:
@@ -111,7 +126,14 @@ def is_slow(process: Process, rate: float) -> bool:
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
     # Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N
     # is defined, and to the default time horizon of exported files.
-    return time >= 1.0 and (not powers or bool(powers & {0.5, -0.5}))
+    if time < 1.0 or (powers and not powers & {0.5, -0.5}):
+        return False
+    # An ARMA process that describes the sensor at high frequencies can have a slow pole, but most of its variance is at
+    # scales below 1 s.
+    if time == math.inf or not process.has("autocovariance"):
+        return True
+    fast = process.wavelet_variance(max(1, round(math.log2(max(rate, 2.0)))), rate).sum()
+    return bool(fast <= float(process.autocovariance([0], rate)[0]) / 2)
 
 
 def is_scale_free(process: Process, rate: float) -> bool:
@@ -122,7 +144,10 @@ def is_scale_free(process: Process, rate: float) -> bool:
 
 
 def _mean_variance(process: Process, samples: int, rate: float) -> float:
-    if not process.has("state_space") or is_scale_free(process, rate):
+    # A recording does not show the level of a stationary process whose correlation time exceeds its length.
+    time = process.correlation_time(rate)
+    beyond = time is not None and samples / rate < time < math.inf
+    if beyond or not process.has("state_space") or is_scale_free(process, rate):
         return float(process.allan_variance([samples], rate)[0])
     if process.has("autocovariance"):
         begin, end = process.running_sum_covariance([0, samples], rate)

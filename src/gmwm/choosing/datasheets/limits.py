@@ -10,6 +10,7 @@ from dataclasses import replace
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.datasheets.measured_limit import at_some_strength, strength_limit
 from gmwm.fitting.estimation.estimator import fit_quietly
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
@@ -75,3 +76,29 @@ def plausible(entry: Entry, rate: float, samples: int, resonance: float | None =
     if entry.unit in ranges:
         return replace(entry, low=0.0, high=math.inf, upper_only=True)
     return replace(entry, low=0.0, upper_only=True)
+
+
+def measurable(entry: Entry, fit: Fit) -> Entry:
+    """Return an upper limit of the strength of a noise that is at most what the measured wavelet variance allows. The
+    limit of a noise is reached where the noise alone reaches the upper confidence limits of the measured variance. N
+    and K of a filter differ from the white noise and the random walk of a model, so their limit stays if it is within a
+    factor of `WIDEST` of the value. A limit without a bound stays infinite."""
+    wv = fit.wavelet_variance
+    if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
+        return entry
+    terms = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    if entry.term is None and entry.symbol in _KINDS:
+        kind = _KINDS[entry.symbol]
+        process = kind().with_values(**{kind.parameters[0].name: 1.0})
+        least = WIDEST * entry.value if entry.value < entry.high else 0.0
+    elif entry.term in terms:
+        process, least = at_some_strength(terms[entry.term]), entry.value
+    else:
+        return entry
+    symbol = entry.symbol.partition("[")[0].partition(" ")[0]
+    number = next((n for n in process.physical(wv.rate) if n.symbol == symbol and n.signal_power), None)
+    if number is None:
+        return entry
+    most = abs(number.value) * noise_unit(number.time_power, wv.unit)[1] * math.sqrt(strength_limit(wv, process))
+    high = min(entry.high, max(least, most))
+    return replace(entry, value=min(entry.value, high), high=high)
