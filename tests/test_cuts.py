@@ -214,3 +214,13 @@ def gmwm_wv():
         return json.loads(result.stdout)
 
     return run
+
+
+@pytest.mark.parametrize("cut", [{"start": 50.0}, {"start": 99.0, "stop": 500.0}])
+def test_each_reading_of_a_stream_has_the_same_times(tmp_path, cut):
+    stream = gmwm.stream(written(tmp_path / "static.csv", 0.0), **cut)
+    lefts = []
+    for _ in range(3):
+        list(stream.samples())
+        lefts.append(stream.time_base.left)
+    assert lefts == [cut["start"]] * 3

@@ -27,7 +27,10 @@ CASES = {
     "too large a model": (["fit", "{file}", "-m", "12*GM"], ["gyro_x"]),
     "nothing to estimate": (["fit", "{file}", "-m", "WN(sigma2=fixed(1.0))", "--axis", "gyro_x"], ["gyro_x"]),
     "unknown axis": (["wv", "{file}", "--axis", "gyro_w"], ["--axis must be ", "gyro_x, ", "; got 'gyro_w'"]),
-    "gaps": (["allan", "{broken}"], ["2 segments", "300, 200", "--gaps longest"]),
+    "slopes of another variance": (
+        ["allan", "{file}", "--kind", "hadamard", "--slopes"],
+        ["--slopes", "hadamard", "--kind overlapping"],
+    ),
     "nothing left": (["info", "{file}", "--start", "10min"], ["--start", "--stop", "--skip"]),
     "a start without a length": (["info", "{file}", "--start", "later"], ["--start must be ", "; got 'later'"]),
     "stop before start": (["info", "{file}", "--start", "1min", "--stop", "5s"], ["--stop must be ", "60", "; got 5"]),

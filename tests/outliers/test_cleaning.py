@@ -76,6 +76,24 @@ def test_noise_without_knocks_is_not_changed(kind):
         assert not found.knocks.size
 
 
+@pytest.mark.parametrize("count", [1, 3, 6])
+@pytest.mark.parametrize("samples", [5_000, 20_000])
+def test_short_pulses_are_replaced(samples, count):
+    x = np.random.default_rng(4).standard_normal(samples)
+    places = np.arange(1, count + 1) * samples // (count + 1)
+    for at in places:
+        x[at : at + 10] += 300.0
+    found = cleaned(Signal(x, RATE))
+    assert len(found.knocks) == count
+    assert all(np.any((found.knocks[:, 0] <= at) & (found.knocks[:, 1] >= at + 10)) for at in places)
+
+
+def test_heavy_tails_are_not_knocks():
+    for seed in range(5):
+        x = np.random.default_rng(seed).standard_t(3, 20_000)
+        assert not cleaned(Signal(x, RATE)).knocks.size
+
+
 @pytest.mark.slow
 def test_what_is_outside_of_knocks_is_not_changed():
     x = white(np.random.default_rng(1))

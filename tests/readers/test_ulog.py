@@ -279,15 +279,21 @@ def test_sensor_combined_is_preferred_and_has_the_temperature_of_its_gyroscope(f
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name",
-    ["", "_appended_multiple", "_log_small", "_px4_events", "_logging_tagged_and_default_params"],
-)
+    ("name", "stepped"),
+    [
+        ("", ()), ("_appended_multiple", ()), ("_log_small", ()),
+        ("_px4_events", AXES[:5]), ("_logging_tagged_and_default_params", AXES[:5]),
+    ],
+)  # fmt: skip
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
-def test_logs_of_devices_are_read_as_pyulog_does(name):
+def test_logs_of_devices_are_read_as_pyulog_does(name, stepped):
     path = device(f"PX4_pyulog_sample{name}.ulg")
     imu = read(path)
     data = pyulog.ULog(str(path), ["sensor_combined"]).data_list[0].data
     for k in range(3):
         np.testing.assert_array_equal(imu[AXES[k]].values, data[f"gyro_rad[{k}]"])
         np.testing.assert_array_equal(imu[AXES[3 + k]].values, data[f"accelerometer_m_s2[{k}]"])
-    assert not [one for one in gmwm.inspect(imu).axes.values() if one.lsb is not None]
+    # Means of four 16-bit samples with a range of 2000 deg/s or 16 g, rounded to float32 after the calibration.
+    steps = {axis: np.radians(2000) / 2**17 if axis in AXES[:3] else 16 * 9.80665 / 2**17 for axis in stepped}
+    found = {axis: item.lsb for axis, item in gmwm.inspect(imu).axes.items() if item.lsb is not None}
+    assert found == pytest.approx(steps, rel=1e-5)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import TimeBase
 from gmwm.files.clock.lost_samples import CUT, as_floats
 from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout, Reader, Rows
@@ -317,7 +318,7 @@ class Stream:
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples as they are read, in `Samples` objects that state the gaps between them."""
         interpretation, trimmer = self._found, None if self._kept is None else Trimmer(self._kept, self.rate)
-        builder = SampleBuilder(interpretation)
+        builder, base = SampleBuilder(interpretation), interpretation.timing.base
         for samples in without_float_warnings(builder.samples(self._rows)):
             part = samples if trimmer is None else trimmer.take(samples)
             if part is not None:
@@ -325,16 +326,15 @@ class Stream:
             if trimmer is not None and trimmer.done:
                 break
         else:
-            self._complete(builder.summary(), stacklevel=2)
-        if trimmer is not None:
-            self.time_base = trimmer.time_base(self.time_base)
+            base = self._complete(builder.summary(), stacklevel=2)
+        self.time_base = base if trimmer is None else trimmer.time_base(base)
 
-    def _complete(self, summary: RowSummary, *, stacklevel: int) -> None:
-        """Complete the time base and the remarks when all rows were read."""
-        self.time_base = summary.time_base(self._found)
+    def _complete(self, summary: RowSummary, *, stacklevel: int) -> TimeBase:
+        """Complete the remarks when all rows were read, and return the time base of all rows."""
         remarks = of_file(summary.remarks(self._found), self.source)
         self.remarks = (*self._remarks, *remarks)
         warn(remarks, stacklevel=stacklevel + 1)
+        return summary.time_base(self._found)
 
     def __iter__(self) -> Iterator[Chunk]:
         for samples in self.samples():

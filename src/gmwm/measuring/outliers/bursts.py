@@ -256,7 +256,7 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     counts = np.diff(np.append(begins, at.size))
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
     huge = np.maximum.reduceat(ratio, begins) > HUGE
-    by_chance = _largest_by_chance(begins.size, level.size)
+    by_chance = _largest_by_chance(int(np.count_nonzero(~huge)), level.size)
     chosen = (counts >= np.where(huge, FEW, FEWEST)) & (counts > by_chance) & (positive > 0) & (positive < counts)
     if small:
         for k in np.flatnonzero(chosen).tolist():
@@ -267,11 +267,13 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
 
 def _largest_by_chance(groups: int, size: int) -> float:
     """Return the largest number of large coefficients in a burst that heavy tails explain, from the number of groups of
-    large ones among all coefficients.
+    large ones among all coefficients. Groups with a huge one can be knocks, so they are not counted.
 
     A single large sample makes two of them. If m samples are large with probability p each, a run of m of them with
     distances up to `APART` occurs n·p·(2·APART·p)^(m−1) times.
     """
+    if groups == 0:
+        return 0.0
     share = 2 * APART * groups / size
     return 2 * math.floor(1 + math.log(_CHANCE / groups) / math.log(share)) if share < 0.9 else math.inf
 
