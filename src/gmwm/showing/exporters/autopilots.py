@@ -31,6 +31,7 @@ class _Floor(TwoNumbers):
         found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
         return [
             f"# {self.row.format(key=key, value=written(number.scaled(factor)))}{limit_mark(number)}"
+            f"{', no lower bound' if number.upper else ''}"
             for key, number in zip(self.keys, found, strict=True)
         ]
 
