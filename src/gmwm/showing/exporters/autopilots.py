@@ -31,7 +31,6 @@ class _Floor(TwoNumbers):
         found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
         return [
             f"# {self.row.format(key=key, value=written(number.scaled(factor)))}{limit_mark(number)}"
-            f"{', no lower bound' if number.upper else ''}"
             for key, number in zip(self.keys, found, strict=True)
         ]
 
@@ -40,7 +39,8 @@ def _meaning(step: float, keys: Sequence[str]) -> tuple[str, ...]:
     return (
         "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults are about 100 times larger "
         "because they include vibration, timing, misalignment and linearisation. A vehicle with these values may "
-        "crash. Never set a parameter below its bound. All lines are comments: loading the file changes nothing.",
+        "crash. Never set a parameter below its bound. A value marked as an upper limit is not a bound: the noise may "
+        "be smaller. All lines are comments: loading the file changes nothing.",
         f"Units: discrete, standard deviations for a filter step of {1000 * step:g} ms: {keys[0]} rad/s, "
         f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
     )
