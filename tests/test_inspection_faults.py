@@ -144,6 +144,7 @@ def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     assert remark.facts["period"].value == pytest.approx(size / RATE / periods, rel=0.15)
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+    assert calibration.datasheets["gyro_x"]["K"].upper_only
 
 
 def test_noise_with_two_levels_gets_the_classical_curve():
@@ -158,7 +159,33 @@ def test_small_outliers_in_quantization_noise_make_n_a_limit():
     x = faults.outliers_in_quantization(2 * SAMPLES, np.random.default_rng(1))
     calibration = gmwm.calibrate(imu_of(x), "WN + QN + RW")
     assert only(calibration.remarks, "outliers-found:small").facts["share"] > 2
-    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use as a bound"
+    verdicts = calibration.number_verdicts["gyro_x"]
+    assert (verdicts["N"].usability.value, verdicts["Q"].usability.value) == ("use as a bound", "use")
+    assert verdicts["N"].reason.code == "outliers-found"
+    white = calibration.datasheets["gyro_x"]["N"]
+    assert white.upper_only
+    assert faults.WHITE / RATE**0.5 < white.value < white.high
+    assert f"≤ {white.in_units()[2]:.3g}" in calibration.summary()
+    assert f"≤ {white.in_units()[2]:.3g}" in calibration.summary(details=True)
+    both = calibration.combined(
+        gmwm.calibrate(gmwm.simulate({"accel_x": "WN(sigma2=4e-6)"}, rate=RATE, samples=SAMPLES, rng=1), "WN")
+    )
+    for horizon in (1.0, 10.0):
+        lines = both.export(horizon=horizon).splitlines()
+        assert next(line for line in lines if "gyroscope_noise_density" in line).endswith("upper limit")
+    assert gmwm.Calibration.from_dict(calibration.to_dict()).number_verdicts == calibration.number_verdicts
+
+
+@pytest.mark.parametrize("size", [12.0, 50.0])
+def test_large_wrong_samples_leave_no_small_ones(size):
+    rng = np.random.default_rng(3)
+    x = faults.WHITE * rng.normal(size=SAMPLES)
+    x[rng.choice(SAMPLES, 60, replace=False)] += size * faults.WHITE
+    calibration = gmwm.calibrate(imu_of(x), "WN")
+    assert only(calibration.remarks, "samples-replaced:spikes").facts["count"] == 60
+    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+    white = calibration.datasheets["gyro_x"]["N"]
+    assert white.low < faults.WHITE / RATE**0.5 < white.high
 
 
 def test_tails_of_three_degrees_of_freedom_stay_in():

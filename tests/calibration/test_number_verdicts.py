@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.calibration.number_verdicts import Usability, verdict_of_number
+from gmwm.calibration.number_verdicts import Usability, as_limit, verdict_of_number
 from gmwm.choosing.datasheets import Entry
 
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
@@ -35,6 +35,16 @@ def test_a_trend_makes_a_bound_unless_its_effect_is_within_the_interval():
     assert verdict_of_number(WALK, [small]).usability is Usability.USE
     white = replace(WALK, symbol="N")
     assert verdict_of_number(white, [large]).usability is Usability.USE
+
+
+def test_a_limit_is_the_upper_end_of_the_interval():
+    limit = as_limit(WALK)
+    assert (limit.low, limit.high, limit.upper_only) == (0.0, 2.5, True)
+    assert as_limit(limit) == limit
+    ramp = as_limit(replace(WALK, symbol="R", value=-2.0, low=-2.5, high=-1.6))
+    assert (ramp.low, ramp.high) == (-2.5, 2.5)
+    time = replace(WALK, symbol="T_c[2]")
+    assert as_limit(time) == time
 
 
 def test_a_remark_that_spoils_a_number_comes_before_one_that_raises_it():

@@ -16,6 +16,7 @@ from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis
 from gmwm.calibration.data import AxisInput, Recordings
 from gmwm.calibration.findings import SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
+from gmwm.calibration.number_verdicts import with_limits
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import Execution
 from gmwm.calibration.recording_findings import recording_remarks
@@ -81,7 +82,7 @@ def calibrate_recording(
         raise error.at(f"no axis can be calibrated; {axis}") from error
     verdicts = {axis: item.verdicts for axis, item in measured.items() if isinstance(item, MeasuredAxis)}
     descriptions = {name: Recording.of(of_parts[0]) for name, of_parts in inspections.items() if of_parts}
-    return Calibration(
+    calibration = Calibration(
         axes=axes,
         failed=dict(recordings.missing) | {axis: error.reason for axis, error in failed.items()},
         settings=options,
@@ -94,6 +95,7 @@ def calibrate_recording(
         recording=descriptions.get(""),
         recordings={name: item for name, item in descriptions.items() if name},
     )
+    return with_limits(calibration)
 
 
 def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:

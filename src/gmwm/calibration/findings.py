@@ -247,9 +247,11 @@ def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibratio
     wv, white = axis_calibration.fit.wavelet_variance, axis_calibration.datasheet.get("N")
     if white is not None and white.value > 0:
         share = replaced.left / wv.samples / (white.value**2 * wv.rate)
-        if share > LEFT:
-            percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
-            yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent)
+        percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
+        # The interval ends two standard errors above N; a bias of less than one error is within it.
+        error = 0.0 if white.high is None else 50 * (white.high / white.value - 1)
+        if share > LEFT and percent > error:
+            yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent, numbers=("N",))
     if replaced.spikes:
         yield Remark.of("samples-replaced", axis, case="spikes", count=replaced.spikes, largest=replaced.largest)
     if replaced.knocks:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.text import counted, table_with_rule
 from gmwm.calibration.misfit import is_line
-from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
 from gmwm.calibration.tables import SENSORS, WIDTH, number
 from gmwm.theory.processes.ordered import Ordered
 
@@ -93,10 +93,7 @@ def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:
 
 def number_text(entry: Entry, verdict: NumberVerdict) -> str:
     """Format a number. A value that its verdict makes an upper limit is written as one."""
-    text = number(entry)
-    if verdict.usability is Usability.BOUND and not text.startswith("≤"):
-        return f"≤ {text.partition(' ±')[0]}"
-    return text
+    return number(as_limit(entry) if verdict.usability is Usability.BOUND else entry)
 
 
 def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,8 @@ OF_FIT = ("model-misfit", "coarse-misfit")
 _ALL, _FACTS = "all", "facts"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
 """Symbols that a remark can name."""
+_SIZES = frozenset({*MAIN, "R", "Q", "q_c"})
+"""Symbols of numbers that are sizes of noise, so that they can be upper limits."""
 
 
 class Usability(Enum):
@@ -87,7 +89,7 @@ def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdi
 
 def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     """Return the verdict of a number from its interval and the remarks on its axis, the most severe remark first."""
-    symbol = entry.symbol.partition(" of ")[0].partition("[")[0]
+    symbol = _short(entry)
     remarks = tuple(remark for remark in remarks if remark.severity is not Severity.INFO)
     spoiling = next((remark for remark in remarks if _touches(remark, remark.message.spoils, symbol)), None)
     raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not _is_small(r, entry)), None)
@@ -104,15 +106,40 @@ def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     return NumberVerdict(symbol=entry.symbol, usability=usability, reason=raising)
 
 
+def with_limits(calibration: Calibration) -> Calibration:
+    """Return a calibration in whose datasheets every number that a remark makes a bound is an upper limit."""
+    axes = dict(calibration.axes)
+    for axis, verdicts in calibration.number_verdicts.items():
+        bounds = {symbol for symbol, verdict in verdicts.items() if verdict.usability is Usability.BOUND}
+        if axis in axes and bounds:
+            sheet = axes[axis].datasheet
+            entries = tuple(as_limit(entry) if entry.symbol in bounds else entry for entry in sheet.entries)
+            axes[axis] = replace(axes[axis], datasheet=replace(sheet, entries=entries))
+    return replace(calibration, axes=axes)
+
+
+def as_limit(entry: Entry) -> Entry:
+    """Return a size of noise as an upper limit, which is the upper end of its interval."""
+    if entry.upper_only or entry.held or entry.low is None or entry.high is None or _short(entry) not in _SIZES:
+        return entry
+    high = max(abs(entry.low), abs(entry.high))
+    return replace(entry, low=0.0 if entry.value >= 0 and entry.low >= 0 else -high, high=high, upper_only=True)
+
+
 def counts(verdicts: Mapping[str, Mapping[str, NumberVerdict]], symbol: str) -> tuple[int, int]:
     """Return the number of axes whose number `symbol` can be used, and of those where it can be used as a bound."""
     states = [of_axis[symbol].usability for of_axis in verdicts.values() if symbol in of_axis]
     return states.count(Usability.USE), states.count(Usability.BOUND)
 
 
+def _short(entry: Entry) -> str:
+    """Return the symbol of a number without its index and the name of its term."""
+    return entry.symbol.partition(" of ")[0].partition("[")[0]
+
+
 def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
     if _FACTS in symbols:
-        numbers = remark.facts["numbers"]
+        numbers = remark.facts.get("numbers")
         named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
         # A phrase stands for all numbers of the axis.
         symbols = named if not named or _SHORT.intersection(named) else (_ALL,)

@@ -101,7 +101,7 @@ class Message:
         Facts and subject of an example of each case of the message, for the documentation.
     raises, spoils : tuple of str
         Symbols of the numbers that are too large, so that they are upper limits, and of those that are wrong. "all"
-        stands for every number, and "facts" for the numbers in the fact `numbers`.
+        stands for every number, and "facts" for the numbers in the fact `numbers`, or every number without it.
     """
 
     code: str

@@ -136,7 +136,7 @@ def find_spikes(x: Signal) -> Spikes:
         if abs(spikes.size - before) <= _SETTLED * before:
             break
     isolated = _returns(values, filled, spikes, np.minimum(threshold, deviation) * limit)
-    left = _squares_left(deviation[isolated], limit[isolated])
+    left = _squares_left(deviation[isolated], limit[isolated], _smallest_certain(spikes.size, values.size, usual))
     return Spikes(indices=spikes[isolated], deviations=deviation[isolated], left=left)
 
 
@@ -285,13 +285,19 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     return chosen
 
 
-def _squares_left(deviation: Vector, limit: Vector) -> float:
+def _smallest_certain(count: int, samples: int, freedom: float) -> float:
+    """Return the deviation beyond which the share `FALSE` of `count` residuals is expected from the bulk."""
+    grid = np.arange(LEAST, 50.0, _BIN / 5)
+    return float(grid[np.argmax(samples * _beyond(grid, freedom) <= FALSE * count)])
+
+
+def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
-    were found, in standard deviations `limit`. Their density at the smallest deviation is assumed for all smaller
-    ones, as it is for wrong samples whose sizes have a wide distribution."""
+    were found, in standard deviations `limit`. Their density at the smallest one is assumed for all smaller ones, as it
+    is for sizes with a wide distribution. If all are far beyond `certain`, the density just beyond it is assumed."""
     if deviation.size < _FEW:
         return 0.0
-    least = float(np.min(deviation))
+    least = min(float(np.min(deviation)), APART * certain)
     count = int(np.count_nonzero(deviation <= APART * least))
     return count / (APART - 1) * least**2 / 3 * float(np.mean(limit**2))
 

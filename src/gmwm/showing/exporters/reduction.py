@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT, Quantity
+from gmwm.calibration.number_verdicts import as_limit
 from gmwm.choosing.datasheets.bias import SYMBOL
 from gmwm.choosing.datasheets.effective import Use, filter_entries, limited
 from gmwm.choosing.datasheets.entry import Entry
@@ -119,7 +120,10 @@ def axis_noise(axis: str, calibrated: AxisCalibration, quantity: Quantity, use: 
         if (use, level) not in stored:
             entries = filter_entries(fit, use, level)
             stored[use, level] = limited(fit, entries["N"], level), limited(fit, entries["K"], level)
-        white, walk = stored[use, level]
+        white, walk = (
+            as_limit(entry) if entry.symbol in sheet and sheet[entry.symbol].upper_only else entry
+            for entry in stored[use, level]
+        )
         # If the flicker term describes the slow noise, no upper limit of a random walk is added.
         if use.flicker and flicker.value > 0 and filter_entries(fit, use, level)["K"].value == 0:
             return AxisNoise(axis, fit, N=_number(axis, fit, white), K=Number(0.0, False), B=flicker, use=use)
