@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from enum import Enum
 from html import escape
 from string import Formatter
+from typing import Any
 
-from gmwm.base.text import counted, duration_text, list_text, moment, round_text
+from gmwm.base.text import counted, duration_text, length_text, list_text, moment, round_text
 
 
 class Dialect(Enum):
@@ -175,6 +176,11 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
     if isinstance(fact, Quantity | float | int):
         number = fact.value if isinstance(fact, Quantity) else fact
         return f"{name}={number:g}" if python else f"{shell} {number:g}"
+    if isinstance(fact, tuple):  # time ranges (s)
+        spans: Any = fact
+        if python:
+            return f"{name}=[{', '.join(f'({begin:g}, {end:g})' for begin, end in spans)}]"
+        return f"{shell} {','.join(f'{length_text(begin)}-{length_text(end)}' for begin, end in spans)}"
     literal = fact if isinstance(fact, str) else value
     if not python:
         pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal
