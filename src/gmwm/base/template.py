@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -139,8 +140,10 @@ def fact_text(fact: Fact, spec: str = "") -> str:
         return f"{round_text(100 * value)} %"
     if isinstance(value, bool | int):
         number = str(value)
+    elif math.isfinite(value) and (not spec or re.fullmatch(r"\.[1-6]g", spec)):
+        number = round_text(value, int(spec[1]) if spec else 3)
     else:
-        number = format(value, spec) if spec else round_text(value, 3) if math.isfinite(value) else str(value)
+        number = format(value, spec)
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip()
 
 
