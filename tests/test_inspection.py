@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Severity
+from gmwm.base.remarks import Dialect, Severity, texts
 from gmwm.base.time_base import TimeBase
 from gmwm.measuring.inspection import inspect
 from gmwm.recording.resolution import lsb
@@ -121,8 +121,28 @@ def test_motion_is_found():
     assert not found.static
     remark = only(found.remarks, "recording-moved:moved", "gyro_x")
     assert remark.severity is Severity.WRONG
-    assert 295 <= remark.facts["time"].value <= 330
+    ((begin, end),) = remark.facts["ranges"]
+    assert 280 <= begin < 300 < 330 < end <= 350
     assert remark.facts["ratio"] > 4
+
+
+def test_motion_is_one_range_without_knocks_and_jumps_at_its_edges():
+    rng = np.random.default_rng(5)
+    values = still(120_000)
+    for first, last in ((30_300, 33_300), (80_000, 83_000)):
+        values[first:last] += rng.normal(scale=0.5, size=(last - first, 6))
+    values[40_000, 0] += 1.0
+    found = look(values)
+    moved = [remark for remark in found.remarks if remark.code == "recording-moved"]
+    assert codes(moved) == ["recording-moved:moved"] * 6
+    ((text, *others),) = [texts(moved, Dialect.SHELL)]
+    assert not others
+    assert "from 295 s to 340 s and 785 s to 850 s" in text
+    assert "--skip 4min55s-5min40s,13min5s-14min10s" in text
+    assert "skip=[(295, 340), (785, 850)]" in texts(moved)[0]
+    assert [round(knock.time) for knock in found.knocks] == [400]
+    assert not found.steps
+    assert found.tilt < 0.1
 
 
 @pytest.mark.slow

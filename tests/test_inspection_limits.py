@@ -12,6 +12,7 @@ from gmwm.measuring.inspection import inspect
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.findings import of_gravity, of_motion, of_rounding, of_time, of_trends, of_units
 from gmwm.measuring.inspection.knocks import knocks_of, level_length, steps_of
+from gmwm.measuring.inspection.motion import Motion
 from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend
@@ -19,6 +20,7 @@ from gmwm.recording.signals import Imu
 from tests.helpers import codes
 
 RATE, SAMPLES = 100.0, 64_000
+STILL = Motion(spans=(), ratios={}, still=np.ones(64, dtype=bool))
 EXTENT = Extent(RATE, ((0, SAMPLES),), (0.0,))
 ALTERNATING = np.tile([1.0, -1.0], SAMPLES // 2)
 
@@ -53,8 +55,8 @@ def repeated(count, same):
         (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
-        (lambda: of_motion({}, 0.8, ()), ["recording-settles"]),
-        (lambda: of_motion({}, 1.2, ()), ["recording-moved:tilted"]),
+        (lambda: of_motion(STILL, 0.8, ()), ["recording-settles"]),
+        (lambda: of_motion(STILL, 1.2, ()), ["recording-moved:tilted"]),
         (lambda: of_units({"gyro_x": np.radians(0.08)}), []),
         (lambda: of_units({"gyro_x": np.radians(0.12)}), ["unit-doubtful:density"]),
         (lambda: rounding(0.6), []),
@@ -93,6 +95,15 @@ def test_a_restless_window_has_four_times_the_usual_deviation(factor, static):
     values = ALTERNATING.copy()
     values[10_000:11_000] *= factor
     assert inspect(Imu.from_arrays({"gyro_x": values}, RATE)).static is static
+
+
+@pytest.mark.parametrize(("factor", "end"), [(1.7, 112.0), (2.4, 122.0)])
+def test_a_window_beside_a_motion_belongs_to_it_at_twice_the_usual_deviation(factor, end):
+    values = ALTERNATING.copy()
+    values[10_000:11_000] *= 8.0
+    values[11_000:12_000] *= factor
+    (remark,) = (r for r in inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks if r.code == "recording-moved")
+    assert remark.facts["ranges"] == ((98.0, end),)
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.08, False), (0.13, True)])

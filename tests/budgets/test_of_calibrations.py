@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import gmwm
-from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.remarks import Remark
 from tests.helpers import only
 
 
@@ -15,6 +15,9 @@ def test_the_budget_of_a_wrong_calibration_names_the_cause():
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=20_000, rng=1), "WN")
     assert "budget-of-wrong" not in {remark.code for remark in found.budget(60.0).remarks}
     moved = replace(
-        found, recording_remarks=(Remark.of("recording-moved", case="moved", ratio=9.0, time=Quantity(60.0, "s")),)
+        found,
+        recording_remarks=(
+            Remark.of("recording-moved", case="moved", ratio=9.0, parts=("60 s to 70 s",), ranges=((60.0, 70.0),)),
+        ),
     )
     assert only(moved.budget(60.0).remarks, "budget-of-wrong").facts["causes"] == ("recording-moved",)

@@ -135,6 +135,7 @@ def test_axes_of_one_recording_are_not_compared(three):
     assert {row.axis for row in found.compared} == {"gyro_x"}
     assert {row.reason for row in found if row.axis == "gyro_y"} == {"one recording"}
     assert found.models["gyro_y"][1] is None
+    assert found.summary().startswith("Not every recording has gyro_y. gmwm compared")
     lone = {remark.subject for remark in found.remarks if code_of(remark) == "not-compared:single"}
     assert lone == {f"{row.symbol} of gyro_y" for row in found if row.axis == "gyro_y"}
     other = replace(three[1], axes={"gyro_z": three[1].axes["gyro_x"]})

@@ -7,6 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Remark, Severity
+from gmwm.base.text import round_text
 from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
@@ -79,11 +80,11 @@ def test_numbers_are_those_of_the_datasheets(calibration):
         for symbol, entry in sheet.items():
             value, low, high, unit = entry.in_units("datasheet")
             if entry.upper_only:
-                assert f"≤ {high:.3g}" in text
+                assert f"≤ {round_text(high, 3)}" in text
             elif (high - low) / 2 <= 0.5 * abs(value):
-                assert f"{value:.3g} ± {100 * (high - low) / 2 / abs(value):.2g} %" in text
+                assert f"{round_text(value, 3)} ± {100 * (high - low) / 2 / abs(value):.2g} %" in text
             else:
-                assert f"{low:.2g} … {high:.2g}" in text
+                assert f"{round_text(low)} … {round_text(high)}" in text
             assert f"{symbol} ({unit})" in text
             assert f"{symbol} {entry.title}" in " ".join(text.split()) or symbol.endswith(f" of {entry.term}")
 

@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.remarks import Remark
 from gmwm.calibration.findings import unusable
 from gmwm.showing.reports import printing, report_data
 from gmwm.showing.reports.one_page import MOST, one_page, one_page_data
@@ -97,7 +97,7 @@ def test_no_verdict_contradicts_another():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
     moved = Remark.of(
-        "recording-moved", "gyro_y", case="moved", time=Quantity(9.0, "s"), window=Quantity(18.0, "s"), ratio=7.0
+        "recording-moved", "gyro_y", case="moved", parts=("9 s to 27 s",), ranges=((9.0, 27.0),), ratio=7.0
     )
     found = dataclasses.replace(found, recording_remarks=(moved,))
     assert unusable(found) == ["gyro_y"]

@@ -72,7 +72,7 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     assert "accel_y" in verdict["points"][0]["text"]
     assert "the signal is constant" in verdict["points"][0]["text"]
     moved = Remark.of(
-        "recording-moved", "gyro_x", case="moved", time=Quantity(9.0, "s"), window=Quantity(18.0, "s"), ratio=7.0
+        "recording-moved", "gyro_x", case="moved", parts=("9 s to 27 s",), ranges=((9.0, 27.0),), ratio=7.0
     )
     recording = dataclasses.replace(calibration.recording, static=False)
     verdict = report_data(dataclasses.replace(calibration, recording=recording, recording_remarks=(moved,)))["verdict"]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from html import escape
 from string import Formatter
+from typing import Any
 
-from gmwm.base.text import counted, duration_text, list_text, moment, round_text
+from gmwm.base.text import counted, duration_text, length_text, list_text, moment, round_text
 
 
 class Dialect(Enum):
@@ -138,8 +140,10 @@ def fact_text(fact: Fact, spec: str = "") -> str:
         return f"{round_text(100 * value)} %"
     if isinstance(value, bool | int):
         number = str(value)
+    elif math.isfinite(value) and (not spec or re.fullmatch(r"\.[1-6]g", spec)):
+        number = round_text(value, int(spec[1]) if spec else 3)
     else:
-        number = format(value, spec) if spec else round_text(value, 3) if math.isfinite(value) else str(value)
+        number = format(value, spec)
     return f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip()
 
 
@@ -175,6 +179,11 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
     if isinstance(fact, Quantity | float | int):
         number = fact.value if isinstance(fact, Quantity) else fact
         return f"{name}={number:g}" if python else f"{shell} {number:g}"
+    if isinstance(fact, tuple):  # time ranges (s)
+        spans: Any = fact
+        if python:
+            return f"{name}=[{', '.join(f'({begin:g}, {end:g})' for begin, end in spans)}]"
+        return f"{shell} {','.join(f'{length_text(begin)}-{length_text(end)}' for begin, end in spans)}"
     literal = fact if isinstance(fact, str) else value
     if not python:
         pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal

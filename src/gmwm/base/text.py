@@ -71,6 +71,17 @@ def moment(seconds: float) -> str:
     return f"{seconds:.3f}".rstrip("0").rstrip(".") + " s"
 
 
+def length_text(seconds: float) -> str:
+    """Format a length in seconds exactly, as options of commands read it.
+
+    >>> length_text(1170.0), length_text(4500.5), length_text(0.0), length_text(7200.0)
+    ('19min30s', '1h15min0.5s', '0s', '2h')
+    """
+    hours, minutes = divmod(seconds // 60, 60.0)
+    parts = [f"{value:.10g}{unit}" for value, unit in ((hours, "h"), (minutes, "min"), (seconds % 60, "s")) if value]
+    return "".join(parts) or "0s"
+
+
 def list_text(names: Sequence[str], most: int = 6) -> str:
     """Format a list of names. Of a long list, only the first names and the number of the others appear.
 

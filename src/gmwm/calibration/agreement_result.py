@@ -180,10 +180,12 @@ _RAMP = "R"
 def verdict_of(found: Agreement) -> Remark:
     """Return the verdict, a remark that states how many numbers were compared and how many of them differ."""
     differing = len(found.disagreeing)
-    state = "none" if not found.compared else "all" if not differing else "one" if differing == 1 else "some"
+    absent = tuple(axis for axis, models in found.models.items() if None in models)
+    alike = "incomplete" if absent else "all"
+    state = "none" if not found.compared else alike if not differing else "one" if differing == 1 else "some"
     return Remark.of(
         "agreement", recordings=len(found.labels), compared=len(found.compared), differing=differing, size=found.size,
-        state=state,
+        state=state, absent=absent,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import table_with_rule
+from gmwm.base.text import round_text, table_with_rule
 from gmwm.calibration.tables import WIDTH, bullet, key, number, wrap_text
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -118,7 +118,7 @@ def _beside(found: Agreement, rows: Sequence[SharedNumber], heads: Sequence[str]
             if entry is None:
                 cells.append(_cell(found, row, k))
             else:
-                cells.append(_NONE if ratio is None or not math.isfinite(ratio) else f"{limit}{ratio:.3g}")
+                cells.append(_NONE if ratio is None or not math.isfinite(ratio) else f"{limit}{round_text(ratio, 3)}")
         table.append([f"{row.axis} {row.symbol}", str(row.reference), *cells])
     return table
 

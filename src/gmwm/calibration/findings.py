@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, round_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
@@ -273,7 +273,7 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     power of a line is named by its frequency, as in tables."""
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
-        f"{term}.{process.scale_parameter().name}": f"line {abs(line[1]) * fit.wavelet_variance.rate:.3g} Hz"
+        f"{term}.{process.scale_parameter().name}": f"line {round_text(abs(line[1]) * fit.wavelet_variance.rate, 3)} Hz"
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
         if (line := process.line(fit.wavelet_variance.rate)) is not None
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
@@ -72,14 +73,41 @@ def _table(
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
         rows.append(["" if long else axis, *cells, model_words(result.fit.model)])
     spare = WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
-    for row in rows[1:]:
-        row[-1] = row[-1] if len(row[-1]) <= spare else f"{row[-1][: spare - 1]}…"
+    head_row, *axis_rows = rows
+    rows, counts = [head_row], []
+    for row in axis_rows:
+        first, *more = _broken(row[-1], spare)
+        rows += [[*row[:-1], first], *([*[""] * len(row[:-1]), part] for part in more)]
+        counts.append(1 + len(more))
     head, rule, *lines = table_with_rule(rows)
     if max(map(len, lines)) > WIDTH:
-        head, rule, *lines = table_with_rule([row[:-1] for row in rows])
+        head, rule, *lines = table_with_rule([row[:-1] for row in (head_row, *axis_rows)])
+        counts = [1] * len(axis_rows)
     if long:
-        lines = [part for axis, line in zip(axes, lines, strict=True) for part in (f"  {axis}"[:WIDTH], line)]
+        ends = list(accumulate(counts))
+        lines = [
+            line for axis, count, end in zip(axes, counts, ends, strict=True)
+            for line in (f"  {axis}"[:WIDTH], *lines[end - count : end])
+        ]  # fmt: skip
     return [head, rule, *lines]
+
+
+def _broken(words: str, width: int) -> list[str]:
+    """Break a model between its terms into lines of a width.
+
+    >>> _broken("2*GM+WN+RW+1 oscillation+3 lines", 12)
+    ['2*GM+WN+RW+', '1 osc.+', '3 lines']
+    """
+    if len(words) <= width:
+        return [words]
+    terms = words.replace("oscillation", "osc.").replace("osc.s", "osc.").split("+")
+    lines = [""]
+    for k, term in enumerate(terms):
+        part = term if k == len(terms) - 1 else f"{term}+"
+        if lines[-1] and len(lines[-1]) + len(part) > width:
+            lines.append("")
+        lines[-1] += part
+    return lines
 
 
 def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.remarks import Remark
 from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
 from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
@@ -66,11 +66,9 @@ def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
     """Return whether a remark is about motion whose samples were replaced, and no axis has outliers that remain."""
     if remark.code != "recording-moved" or remark.facts["case"] != "moved":
         return False
-    start, window = remark.facts["time"], remark.facts["window"]
-    assert isinstance(start, Quantity)
-    assert isinstance(window, Quantity)
-    knocks = (times for verdict in verdicts for times in verdict.replaced.knocks)
-    overlap = any(first <= start.value + window.value and last >= start.value for first, last in knocks)
+    ranges: Any = remark.facts["ranges"]
+    knocks = [times for verdict in verdicts for times in verdict.replaced.knocks]
+    overlap = all(any(first <= end and last >= begin for first, last in knocks) for begin, end in ranges)
     return overlap and not any(verdict.exceeds for verdict in verdicts)
 
 

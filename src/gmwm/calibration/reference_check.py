@@ -13,7 +13,7 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.text import Summarised, table_with_rule
+from gmwm.base.text import Summarised, round_text, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.choosing.datasheets import Entry, effective_noise
@@ -344,4 +344,4 @@ def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
         limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
         cells.append("" if shown is None else f"{limit}{shown:.4g}")
     factor = row.factor
-    return [*cells, "" if factor is None else f"{factor:.3g}", _WORDS[row.verdict]]
+    return [*cells, "" if factor is None else round_text(factor, 3), _WORDS[row.verdict]]

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
-from gmwm.base.text import counted, duration_text, p_text, table_with_rule
+from gmwm.base.text import counted, duration_text, p_text, round_text, table_with_rule
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.first_screen import LEGEND, axis_lines
@@ -209,7 +209,7 @@ def lines_of(sheet: Datasheet) -> dict[str, Entry]:
     """Return the amplitudes of the lines of an axis by a name with their frequency, such as "line 0.564 Hz"."""
     frequencies = {entry.term: entry.value for entry in sheet.values() if entry.symbol.startswith("f_0")}
     return {
-        f"line {frequencies[entry.term]:.3g} Hz": entry
+        f"line {round_text(frequencies[entry.term], 3)} Hz": entry
         for entry in reversed(sheet.entries)
         if entry.term in frequencies and entry.symbol.partition("[")[0] == "A"
     }

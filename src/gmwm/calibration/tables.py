@@ -51,17 +51,17 @@ def number(entry: Entry) -> str:
     """Format a number with half its interval in per cent, with both ends if wide, or as an upper limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
-        return f"{value:.3g} fixed"
+        return f"{round_text(value, 3)} fixed"
     if low is None or high is None:
-        return f"{value:.3g}"
+        return round_text(value, 3)
     if not math.isfinite(high):
         return "not determined"
     if entry.upper_only:
-        return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
+        return f"{'≤ ' if low >= 0 else '≤ ±'}{round_text(high, 3)}"
     half = (high - low) / 2
     if half > SEEN * abs(value):
         return f"{round_text(low)} … {round_text(high)}"
-    return f"{value:.3g} ± {100 * half / abs(value):.2g} %" if value else f"{value:.3g}"
+    return f"{round_text(value, 3)} ± {round_text(100 * half / abs(value))} %" if value else round_text(value, 3)
 
 
 def with_error(entry: Entry) -> str:

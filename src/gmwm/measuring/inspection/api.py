@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
@@ -20,6 +21,7 @@ from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
+from gmwm.measuring.inspection.motion import motion_of
 from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.saturation import Ends, Saturation, saturation_of
@@ -184,7 +186,6 @@ class RecordingStatistics:
         """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
-        gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
         parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
         saturations = tuple(
@@ -196,7 +197,10 @@ class RecordingStatistics:
         moving = set(axes) - {item.axis for item in saturations if item.matters}
         moving -= {axis for axis, finding in stuck.items() if finding is not None}
         outliers = {axis: sums.outliers() for axis, sums in statistics.items() if axis in moving}
-        knocks = () if parts else knocks_of(outliers, extent)
+        bursts = () if parts else knocks_of(outliers, extent)
+        motion = motion_of(statistics, bursts, extent)
+        knocks = tuple(knock for knock in bursts if not motion.meets(knock.time, knock.time + knock.duration))
+        gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples, motion.still)
         means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
         steps = () if parts else self._steps(means)
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
@@ -207,14 +211,16 @@ class RecordingStatistics:
             lambda axis, of_axis: swing_of(axis, of_axis, extent), {a: m for a, m in calm.items() if a in steady}
         )
         swings = tuple(swing for swing in found.values() if swing is not None)
-        restless = {
-            axis: motion for axis, sums in statistics.items() if (motion := _restless(sums, extent)) is not None
-        }
+        reach = self._length / extent.rate  # The place of a jump is known to a block.
+        steps = tuple(
+            step for step in steps
+            if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)
+        )  # fmt: skip
         # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
         # Change of the direction of gravity (standard errors) that noise does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
-        motions = findings.of_motion(restless, tilt if turned else None, knocks)
+        motions = findings.of_motion(motion, tilt if turned else None, knocks)
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
@@ -232,7 +238,7 @@ class RecordingStatistics:
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
             segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
-            static=not (moved or restless or parts), knocks=knocks, steps=steps, trends=trends,
+            static=not (moved or motion.spans or parts), knocks=knocks, steps=steps, trends=trends,
             swings=swings,
             temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
         )  # fmt: skip
@@ -347,9 +353,10 @@ def _without_steps(
 
 
 def _gravity(
-    statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
+    statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int, still: NDArray[np.bool_]
 ) -> tuple[float | None, float | None, float]:
-    """Return the norm of the mean specific force (m/s²), its largest turn (°), and that of noise alone (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest turn (°) in the windows that are `still`, and that
+    of noise alone (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics or axes[axis].unit != SI_UNIT["accel"] for axis in names):
         return None, None, 0.0
@@ -359,22 +366,7 @@ def _gravity(
         return 0.0, None, 0.0
     windows = np.column_stack([statistics[axis].windows.means for axis in names])
     across = np.linalg.norm(np.cross(windows, mean / norm), axis=1)
-    tilt = float(np.degrees(np.max(np.arctan2(across, windows @ mean / norm))))
+    tilt = float(np.degrees(np.max(np.arctan2(across, windows @ mean / norm)[still], initial=0.0)))
     length = max(samples / len(windows), 1.0)
     noise = float(np.linalg.norm([axes[axis].noise for axis in names])) / np.sqrt(length)
     return norm, tilt, float(np.degrees(np.arctan2(noise, norm)))
-
-
-def _restless(sums: AxisStatistics, extent: Extent) -> tuple[float, float, float] | None:
-    """Return begin and length (s) of the window with the largest standard deviation, and its ratio to the median; None
-    if usual."""
-    spreads = np.sqrt(sums.calm.variances())
-    changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
-    usual, worst = float(np.median(changing)) if changing.size else 0.0, int(np.argmax(spreads))
-    # Largest ratio of the standard deviation of a window to the median over all windows for a sensor at rest
-    # (tests/test_inspection_limits.py, as the next three constants).
-    if usual > 0 and spreads[worst] > 4.0 * usual:
-        first, last = extent.windows()[worst]
-        begin, end = extent.times([first, last - 1])
-        return float(begin), float(end - begin), float(spreads[worst] / usual)
-    return None

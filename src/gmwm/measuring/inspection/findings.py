@@ -14,6 +14,7 @@ from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.knocks import Knock, Step
+    from gmwm.measuring.inspection.motion import Motion
     from gmwm.measuring.inspection.result import AxisInspection, Inspection
     from gmwm.measuring.inspection.saturation import Saturation
     from gmwm.measuring.inspection.swings import Swing
@@ -76,17 +77,13 @@ def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str])
         )  # fmt: skip
 
 
-def of_motion(
-    restless: Mapping[str, tuple[float, float, float]], tilt: float | None, knocks: tuple[Knock, ...]
-) -> Iterator[Remark]:
-    """Yield remarks on knocks and motion: windows with an unusual standard deviation (`restless`: begin, length (s),
-    ratio), and a change of the direction of gravity (`tilt`, degrees) that noise does not explain."""
-    if restless:
-        axis = max(restless, key=lambda name: restless[name][2])
-        time, window, ratio = restless[axis]
-        yield Remark.of(
-            "recording-moved", axis, case="moved", time=Quantity(time, "s"), window=Quantity(window, "s"), ratio=ratio
-        )
+def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...]) -> Iterator[Remark]:
+    """Yield remarks on knocks and motion, one for each axis that moved, and on a change of the direction of gravity
+    (`tilt`, degrees) that noise does not explain."""
+    shown = tuple(f"{moment(begin)} to {moment(end)}" for begin, end in motion.spans)
+    for axis in motion.ratios:
+        ratio = max(motion.ratios.values())
+        yield Remark.of("recording-moved", axis, case="moved", parts=shown, ranges=motion.spans, ratio=ratio)
     if tilt is not None:
         angle = Quantity(tilt, "°")
         tilted = tilt > MOVED
