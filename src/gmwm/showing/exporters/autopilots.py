@@ -39,8 +39,7 @@ def _meaning(step: float, keys: Sequence[str]) -> tuple[str, ...]:
     return (
         "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults are about 100 times larger "
         "because they include vibration, timing, misalignment and linearisation. A vehicle with these values may "
-        "crash. Never set a parameter below its bound. A value marked as an upper limit is not a bound: the noise may "
-        "be smaller. All lines are comments: loading the file changes nothing.",
+        "crash. Never set a parameter below its bound; an upper limit is no bound. All lines are comments.",
         f"Units: discrete, standard deviations for a filter step of {1000 * step:g} ms: {keys[0]} rad/s, "
         f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
     )
