@@ -52,7 +52,9 @@ class BudgetAxis:
             except GmwmError:
                 curve = None
             terms = dict(zip(source.model.terms, source.model.processes, strict=True))
-            return cls(axis, _present(axis, terms, wv.rate), wv.rate, curve, wv, longest=float(wv.tau[-1]) / 2)
+            return cls(
+                axis, _present(axis, terms, wv.rate), wv.rate, curve, wavelet_variance=wv, longest=float(wv.tau[-1]) / 2
+            )
         model = as_model(source)
         missing = [name for name, value in model.parameters.items() if value is None]
         if missing:
