@@ -144,7 +144,7 @@ def _times(duration: float, step: float) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _ErrorPart:
     """The mean squares (T, q) of the terms of an axis, the standard errors of their sum, and the largest sum that the
     measured curve allows, which is infinite where the standard errors are small."""
 
@@ -201,7 +201,7 @@ class _Maker:
                     growths[name] = self._growth(parts, 0, size_of, name=name, title=title.format(axis), unit="deg")
         return growths
 
-    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[_Part]:
+    def _parts(self, motions: Mapping[str, Response], rest: float) -> list[_ErrorPart]:
         """Return the mean squares that the noise of each axis causes."""
         parts = []
         for axis, motion in motions.items():
@@ -213,11 +213,11 @@ class _Maker:
             # Where the interval is wider than the measured curve allows, the curve limits the mean squares of the axis.
             if np.any(_is_wide(total, self.reach * errors)):
                 limits = np.maximum(noise.limits(motion, self.times.tolist(), rest), total)
-            parts.append(_Part({f"{axis} {label}": square for label, square in squares.items()}, errors, limits))
+            parts.append(_ErrorPart({f"{axis} {label}": square for label, square in squares.items()}, errors, limits))
         return parts
 
     def _growth(
-        self, parts: Sequence[_Part], column: int, size: float | Vector, *, name: str,
+        self, parts: Sequence[_ErrorPart], column: int, size: float | Vector, *, name: str,
         title: str, unit: str,
     ) -> Growth:  # fmt: skip
         """Return the error in a column of the mean squares as a `Growth`. `size` is the unit of the error in SI."""
