@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import gmwm
@@ -74,3 +75,18 @@ def test_the_verdict_of_a_calibration_counts_its_numbers(calibration):
     facts = calibration.verdict.facts
     assert (facts["axes"], facts["N_use"], facts["K_use"]) == (1, 1, 1)
     assert calibration.to_dict()["use"]["gyro_x"]["N"] == {"use": "use", "reason": None}
+
+
+@pytest.mark.slow
+def test_a_weak_walk_is_a_bound_and_no_misfit():
+    # White noise and a walk that the recording hardly shows: a model without the walk lies below the coarsest scales.
+    rng, true = np.random.default_rng(500), 2e-6
+    axes = {
+        axis: gmwm.Signal(rng.normal(0, 1e-3, 100_000) + np.cumsum(rng.normal(0, 2e-7, 100_000)), 100.0, "rad/s", axis)
+        for axis in ("gyro_x", "gyro_y", "gyro_z")
+    }
+    calibrations = [gmwm.calibrate({axis: signal}) for axis, signal in axes.items()]
+    for calibration in calibrations:
+        ((axis, result),) = calibration.axes.items()
+        assert calibration.number_verdicts[axis]["K"].to_dict()["use"] != "do not use"
+        assert result.datasheet["K"].low <= true <= result.datasheet["K"].high

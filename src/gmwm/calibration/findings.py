@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
@@ -22,6 +23,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.walk import RW
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -195,7 +197,7 @@ def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[
     if misfit is None:
         return
     far = implausible_levels(axis_calibration.fit) & in_any_recording(axis_calibration, implausible_levels)
-    if not np.any(far):
+    if not np.any(far) or _is_within_limit(axis_calibration, far):
         return
     worst = int(
         np.argmax(np.where(far, np.abs(np.log(np.maximum(axis_calibration.fit.implied, 1e-300) / wv.variance)), 0.0))
@@ -205,6 +207,16 @@ def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[
         "coarse-misfit", axis, tau=Quantity(float(wv.tau[worst]), "s"), ratio=max(ratio, 1 / ratio),
         side="above" if ratio > 1 else "below",
     )  # fmt: skip
+
+
+def _is_within_limit(axis_calibration: AxisCalibration, levels: NDArray[np.bool_]) -> bool:
+    """Return whether K is an upper limit that explains the data at these levels, so that the numbers are true."""
+    fit, walk = axis_calibration.fit, axis_calibration.datasheet.get("K")
+    if walk is None or not walk.upper_only or walk.high is None or not math.isfinite(walk.high):
+        return False
+    wv = fit.wavelet_variance
+    largest = RW(gamma2=walk.high**2 / wv.rate).wavelet_variance(wv.levels, wv.rate, wv.filter)
+    return bool(np.all(((fit.implied < wv.variance) & (fit.implied + largest >= wv.variance))[levels]))
 
 
 def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Calibration) -> Iterator[Remark]:
