@@ -88,6 +88,12 @@ def plot_results(
     ------
     OptionError
         If the results are of another kind, such as rankings, which are drawn one by one.
+
+    Examples
+    --------
+    >>> import gmwm
+    >>> imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-8)", "gyro_y": "WN(sigma2=9e-8)"}, rate=100.0, duration=9.0, rng=1)
+    >>> figure = gmwm.plots.plot_results(gmwm.allan_variance(imu))
     """
     from gmwm.showing.plots.allan import allan_figure
 
