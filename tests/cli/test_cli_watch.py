@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,14 +96,22 @@ def test_a_growing_file_is_shown_in_lines(tmp_path, gmwm):
 
 
 @pytest.mark.slow
-def test_the_end_of_the_file_is_remarked(tmp_path, gmwm):
+def test_the_end_of_the_file_is_remarked(tmp_path, gmwm, monkeypatch):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()) + "40.00,0.0")
     found = gmwm("watch", path, "--idle", "0.2s", "--all-remarks")
     assert "[last-line]" in found.err
     assert "4000 samples" in found.out
-    cut = threading.Timer(0.8, lambda: path.write_text("time\n"))
-    cut.start()
+    waits = []
+
+    def sleep(seconds):
+        # The watch waits for the first time when it has read all complete lines.
+        waits.append(seconds)
+        if len(waits) == 1:
+            path.write_text("time\n")
+        time.sleep(seconds)
+
+    monkeypatch.setattr(growing_files, "time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
     found = gmwm("watch", path, "--idle", "20s")
     (line,) = (line for line in found.err.splitlines() if line.endswith("[watch-ended]"))
     assert "5 bytes" in line
