@@ -70,7 +70,7 @@ class ExponentialSum:
         return cls(white=float(autocovariance[0] + 2.0 * autocovariance[:0:-1].sum()), spikes=-tails)
 
     @classmethod
-    def of_exponential(cls, amplitude: float, decay: complex) -> ExponentialSum:
+    def of_exponential(cls, amplitude: complex, decay: complex) -> ExponentialSum:
         """Return the sum for the autocovariance `amplitude` e^(−λ|m|) with λ = `decay`."""
         return cls(amplitudes=np.array([complex(amplitude)]), decays=np.array([complex(decay)]), bare=np.zeros(1, bool))
 

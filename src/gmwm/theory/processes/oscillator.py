@@ -117,9 +117,7 @@ class OSC(Process):
             return ExponentialSum(white=self.scale)
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
-        total = ExponentialSum.of_exponential(0.0, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
-        total.amplitudes[0] = amplitude
-        return total
+        return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
 
     def state_space(self, rate: float) -> StateSpace:
         """Return a state space whose states are the process and its velocity divided by ω₀."""
