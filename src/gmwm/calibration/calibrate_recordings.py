@@ -14,7 +14,7 @@ from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import recording_additions
 from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis
 from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import SIZE
+from gmwm.calibration.findings import TEST_SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.number_verdicts import with_limits
 from gmwm.calibration.options import CalibrationOptions
@@ -119,7 +119,7 @@ def _recording_remarks(
             remarks += recording_remarks(inspection, axes, recording_verdicts)
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
-                    remarks += addition.remarks(finding, still, SIZE / len(inspections))
+                    remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))
     for name, remarks in by_recording.items():
         for remark in remarks:
             if all(remark in others for others in by_recording.values()):

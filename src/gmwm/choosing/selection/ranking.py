@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.intervals import Method
 
 
-SAME = 1e-6
+EQUAL_CRITERIA = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
-REJECTED = 0.01
+REJECTED_PVALUE = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
 `recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
-LISTED = 10
+MOST_CANDIDATES_LISTED = 10
 """Default number of candidates in a table."""
 
 
@@ -221,7 +221,7 @@ class Ranking(Plotted):
         ]  # fmt: skip
         return DataFrame(rows, infer_schema_length=None)
 
-    def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
+    def table(self, limit: int | None = MOST_CANDIDATES_LISTED) -> tuple[list[str], list[list[str]]]:
         """Return the header and the rows of the table. It contains the first `limit` distinct candidates and all
         equivalent ones."""
         several = self.best.out_of_sample is not None
@@ -252,12 +252,12 @@ class Ranking(Plotted):
             yield Remark.of("recommended", axis, case="equal", models=others)
         if chosen is not self.best and not self.best.equivalent:
             yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best))
-        if chosen.pvalue is not None and chosen.pvalue < REJECTED:
+        if chosen.pvalue is not None and chosen.pvalue < REJECTED_PVALUE:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
             yield Remark.of("recommended", axis, case="reduced", count=reduced)
 
-    def summary(self, limit: int | None = LISTED) -> str:
+    def summary(self, limit: int | None = MOST_CANDIDATES_LISTED) -> str:
         """Write the table of the first `limit` candidates, and the remarks."""
         wv = self.best.fit.wavelet_variance
         lines = [
@@ -340,7 +340,7 @@ class Comparison(Summarised, Plotted):
         """Remark that states which model has the smaller criterion, and whether the difference may be due to chance."""
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
-        if size <= SAME * abs(self.first.wic.value):
+        if size <= EQUAL_CRITERIA * abs(self.first.wic.value):
             return Remark.of("criteria-differ", case="equal", first=self.first.structure, second=self.second.structure)
         return Remark.of(
             "criteria-differ", case="differ", better=better.structure, worse=worse.structure, least=better.wic.value,

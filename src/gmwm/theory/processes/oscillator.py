@@ -21,7 +21,7 @@ from gmwm.theory.statespace import StateSpace
 CRITICAL, SHARPEST = 0.5, 1e9
 """Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
 periods cannot distinguish larger ones from a sinusoid."""
-PERIODIC = 2.0
+PERIODIC_QUALITY = 2.0
 """Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
 that at the peak."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -152,8 +152,8 @@ class OSC(Process):
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
     def oscillation(self) -> float | None:
-        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC`."""
-        return self.value("frequency") if self.value("quality") >= PERIODIC else None
+        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC_QUALITY`."""
+        return self.value("frequency") if self.value("quality") >= PERIODIC_QUALITY else None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark on an oscillation with a period above 3 s, which N and K for a horizon of 1 s leave out."""
