@@ -8,6 +8,7 @@ from functools import wraps
 from inspect import Parameter, Signature, signature
 from typing import Any, get_type_hints
 
+from gmwm.base.extras import library
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
@@ -39,6 +40,8 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     def run(**declared: Any) -> None:
         json = declared["json"] if own_json else declared.pop("json")
         every = declared.pop("all_remarks")
+        if declared.get("plot") is not None:
+            library("matplotlib")  # before the work, which may take minutes
         with collect_warnings(every=every) as warned:
             if reads is not None:
                 read = ReadOptionTexts(**{field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)})
