@@ -218,7 +218,7 @@ def test_documents_frames_and_comparisons(fits):
     content = json.loads(json.dumps(found.to_dict()))
     assert content["growth"]["tilt_x"]["unit"] == "deg"
     assert content["growth"]["tilt_x"]["error"] == found["tilt_x"].error.tolist()
-    assert found.to_frame().height == found.times.size * len(found)
+    assert found.to_polars().height == found.times.size * len(found)
     text = found.compare(other, ("unit", "datasheet"))
     assert "tilt about x" in text
     assert f"{other['tilt_x'].error[-1] / found['tilt_x'].error[-1]:.2f}" in text

@@ -153,7 +153,7 @@ def test_what_a_user_sees(tmp_path):
     found = gmwm.cross(imu)
     assert len(found.pairs) == 15
     assert json.loads(json.dumps(found.to_dict()))["pairs"]["gyro_x gyro_y"]["delay"] == 0
-    assert found.to_frame().shape == (15 * found.levels.size, 10)
+    assert found.to_polars().shape == (15 * found.levels.size, 10)
     assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000

@@ -117,7 +117,7 @@ def test_mislabelled_and_without_the_library(path, monkeypatch):
     with raises(ReadError, code="incomplete"):
         read(path, format="hdf5")
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with raises(MissingDependencyError, advises=["'gmwm[hdf5]'"]):
+    with raises(MissingDependencyError, advises=['"gmwm[hdf5]"']):
         read(path, format="hdf5")
 
 

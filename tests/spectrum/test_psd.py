@@ -180,7 +180,7 @@ def test_round_trip_and_frame():
     again = PowerSpectrum.from_dict(found.to_dict())
     assert again.to_dict() == found.to_dict()
     assert again.lines == found.lines
-    frame = found.to_frame()
+    frame = found.to_polars()
     assert frame.columns == ["frequency", "density", "lower", "upper", "degrees_of_freedom"]
     assert frame.height == len(found)
     assert "line: 20.0002 ±" in found.summary()

@@ -276,7 +276,7 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
 @pytest.mark.slow
 def test_without_dask_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with raises(MissingDependencyError, advises=["pip install 'gmwm[dask]'"]), connect():
+    with raises(MissingDependencyError, advises=['pip install "gmwm[dask]"']), connect():
         pass
 
 

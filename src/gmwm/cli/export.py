@@ -48,7 +48,12 @@ def export(
     ] = None,
     source: GivenText = None,
     format: Annotated[
-        str | None, typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME")
+        str | None,
+        typer.Option(
+            help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.",
+            metavar="NAME",
+            autocompletion=lambda incomplete: [name for name in export_formats() if name.startswith(incomplete)],
+        ),
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,

@@ -21,6 +21,7 @@ from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.session import Session
 from gmwm.base.errors import GmwmWarning, OptionError
+from gmwm.base.extras import library
 
 HOST = "127.0.0.1"
 LOADED = (
@@ -62,11 +63,9 @@ def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[st
 @contextmanager
 def running(path: Path, *, port: int = 0) -> Iterator[Served]:
     """Run the server in a thread while the block runs. Then cancel all jobs and remove the temporary folder."""
-    try:
-        import dash  # noqa: F401
-        from werkzeug.serving import make_server
-    except ImportError as error:
-        raise OptionError("gmwm app needs Dash", advice="Install it: `pip install 'gmwm[app]'`.") from error
+    library("dash")
+    from werkzeug.serving import make_server
+
     for name in LOADED:
         import_module(name)
     logging.getLogger("werkzeug").setLevel(logging.ERROR)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.differences import Difference
 from gmwm.base.documents import plain_fields
+from gmwm.base.frames import Tabular
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.text import duration_text, table_with_rule
@@ -82,7 +83,7 @@ class SameParameters:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SameNoise(RecordingComparison):
+class SameNoise(RecordingComparison, Tabular):
     """Result of the test whether recordings have the same noise, by axis and scale.
 
     Attributes
@@ -207,7 +208,7 @@ class SameNoise(RecordingComparison):
             self, "recordings axes left_out tolerance size confidence pvalue differs levels parameters remarks"
         )
 
-    def to_frame(self) -> DataFrame:
+    def to_polars(self) -> DataFrame:
         """Return the ratios as a Polars data frame with one row for each axis, compared recording and level."""
         from polars import DataFrame
 

@@ -152,7 +152,7 @@ def select(
             general, x, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
         )
 
-    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+    if (signals := signals_of(data)) is not None:
         return ResultsByAxis(results={axis: search(x) for axis, x in signals.items()})
     return search(data)
 
@@ -244,7 +244,7 @@ def rank(
             candidates, measure(x, rate, robust, efficiency, against=against), options, progress=progress
         )
 
-    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+    if (signals := signals_of(data)) is not None:
         return ResultsByAxis(results={axis: ranked(x) for axis, x in signals.items()})
     return ranked(data)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import Summarised, align, counted, p_text
@@ -117,7 +118,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Ranking(Plotted):
+class Ranking(Plotted, Tabular):
     """Candidate models sorted by the criterion, the best first.
 
     `ranking[0]` is the best candidate, `ranking["GM + WN"]` is the candidate with this model, and a loop visits all
@@ -207,7 +208,7 @@ class Ranking(Plotted):
             "remarks": [remark.to_dict() for remark in self.remarks],
         }  # fmt: skip
 
-    def to_frame(self) -> DataFrame:
+    def to_polars(self) -> DataFrame:
         """Return the candidates as a Polars data frame with one row for each model, the best first."""
         from polars import DataFrame
 

@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from gmwm.base.errors import GmwmError
+from gmwm.base.extras import library
 from gmwm.base.threads import INTERRUPT_CHECK
 from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
-from gmwm.measuring.streaming.scheduling import connect, library
+from gmwm.measuring.streaming.scheduling import connect
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
@@ -163,7 +164,7 @@ class _Crew:
         done: Callable[[int], None] | None, prepare: Callable[[Batch], Batch] | None,
     ) -> None:  # fmt: skip
         self._client, self._done, self._changes, self._prepare, self._samples = client, done, changes, prepare, 0
-        self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
+        self._source, self._dask, self._distributed = stream.source, import_module("dask"), library("distributed")
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
             # With several parts for each thread, a slow worker does not delay the others much.

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.errors import GmwmError, GmwmWarning, MissingDependencyError, OptionError
+from gmwm.base.errors import GmwmError, GmwmWarning, OptionError
+from gmwm.base.extras import library
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import processors
 
@@ -35,7 +36,7 @@ def connect(scheduler: str | Client | None = None, workers: int | None = None) -
     Traceback (most recent call last):
     gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
     """
-    distributed = library()
+    distributed = library("distributed")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
     if scheduler is not None and workers is not None:
@@ -66,18 +67,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logger.disabled = before
-
-
-def library() -> Any:
-    """Import the package distributed."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingDependencyError(
-            "several processes or machines need Dask, which is not installed",
-            advice="Install it with `pip install 'gmwm[dask]'`.",
-        ) from error
-    return distributed
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
