@@ -32,7 +32,6 @@ model says nothing about the white noise of another one."""
 UNKNOWN = 1e4
 """Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
-_LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 _LINE = ("f_0", "A")
 WALK = "K"
@@ -159,7 +158,7 @@ def with_band(
     def with_interval(entry: Entry) -> Entry:
         if not entry.held or entry.symbol not in errors:
             return entry
-        by = math.exp(min(reach * errors[entry.symbol], _LARGEST))
+        by = math.exp(min(reach * errors[entry.symbol], 700.0))  # e^700 is near the largest double
         return replace(entry, low=entry.value / by, high=entry.value * by, held=False)
 
     amplitudes = {entry.term: entry.value for entry in sheet.values() if _base(entry.symbol) == _LINE[1]}
@@ -310,4 +309,4 @@ def _scale(value: float, ratio: float, power: float) -> float:
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
     exponent = power * math.log(ratio)
-    return value * math.exp(exponent) if exponent < _LARGEST else math.inf
+    return value * math.exp(exponent) if exponent < 700.0 else math.inf

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import counted, p_relation, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
 from gmwm.base.units import datasheet_units
-from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
+from gmwm.calibration.tables import SENSORS, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -84,7 +84,7 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
     lines = table_with_rule(cells)
-    if max(map(len, lines)) > WIDTH:
+    if max(map(len, lines)) > TEXT_WIDTH:
         lines = table_with_rule([[*row[:4], row[5]] for row in cells])
     return lines
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
 from gmwm.choosing.selection.equivalence import SURELY, as_good, difference_error
-from gmwm.choosing.selection.ranking import DRAWS, SAME, Candidate, Ranking, RankingOptions, Weights
+from gmwm.choosing.selection.ranking import SAME, Candidate, Ranking, RankingOptions, Weights
 from gmwm.choosing.selection.structure import (
     freedom,
     nested_models,
@@ -23,6 +23,7 @@ from gmwm.choosing.selection.structure import (
     without_drift,
     without_values,
 )
+from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.fitting.estimation.estimator import measure
 from gmwm.fitting.estimation.intervals import Method

@@ -18,6 +18,7 @@ from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import Summarised, align, counted, p_text
 from gmwm.choosing.selection.structure import structure_of
+from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence, as_whole_number, one_of
@@ -362,8 +363,6 @@ def _short(number: float) -> str:
 Weights = Literal["optimal", "diagonal"]
 SLOW = "4*GM + WN + QN + FN + RW + DR"
 """General model whose submodels a search ranks first (docs/validation/selection.md)."""
-DRAWS = 500
-"""Default number of simulated recordings."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
-from gmwm.files.clock.rate_check import CHANGED, CHANGED_BURSTS, require_one_rate, require_order
+from gmwm.files.clock.rate_check import COMPARISON, require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
@@ -193,7 +193,7 @@ class RunningClock:
             return
         last = self._without_steps_back(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
-        allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
+        allowed = COMPARISON.changed if pace.width == 1 else COMPARISON.changed_bursts
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Vector
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
+from gmwm.theory.processes.haar_covariance import WANDERING, LagGrid
 
 MOST_NODES = 800_000
 """Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
@@ -240,7 +240,7 @@ def _exponential_part(process: Process, rate: float) -> tuple[float, float] | No
     ):
         return None
     decay = float(terms.decays[0].real)
-    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= WHITE else None
+    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= NEGLIGIBLE_EXPONENT else None
 
 
 def exponential_sum(process: Process, rate: float) -> ExponentialSum | None:

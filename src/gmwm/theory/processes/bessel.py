@@ -21,15 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
 LARGEST = 50.0
 """Upper limit of ν; beyond it, the process is almost infinitely smooth."""
 _PAIRS = 24
 _POWERS = 52
 """Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
-_GONE = 40.0
-"""Cut-off exponent: e^(−40) is below the rounding error of 1."""
 
 Numbers = NDArray[Any]
 
@@ -65,9 +63,9 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
     nodes = 40
     # Upper limit of t: x (cosh t − 1) − νt reaches 40.
-    end = 2.0 * np.arcsinh(np.sqrt(_GONE / (2.0 * x)))
+    end = 2.0 * np.arcsinh(np.sqrt(NEGLIGIBLE_EXPONENT / (2.0 * x)))
     for _ in range(6):
-        end = 2.0 * np.arcsinh(np.sqrt((_GONE + nu * end) / (2.0 * x)))
+        end = 2.0 * np.arcsinh(np.sqrt((NEGLIGIBLE_EXPONENT + nu * end) / (2.0 * x)))
     t = np.arange(nodes + 1) * (end / nodes)[:, None]
     weight = np.exp(-2.0 * x[:, None] * np.sinh(0.5 * t) ** 2) * (end / nodes)[:, None]
     weight[:, 0] *= 0.5
@@ -123,7 +121,7 @@ def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]
 def _pairs(log: float) -> int:
     """Return the number of terms y^i / i!² that are not negligible for the largest y, whose logarithm is `log`."""
     size = np.arange(_PAIRS) * max(log, 0.0) - 2.0 * _LOG_FACTORIALS[:_PAIRS]
-    return int(np.count_nonzero(size > -_GONE))
+    return int(np.count_nonzero(size > -NEGLIGIBLE_EXPONENT))
 
 
 def _relative_exponential(z: Numbers) -> Numbers:

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_rate
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_rate
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import WHITE
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_lags
 from gmwm.theory.statespace import StateSpace
@@ -113,7 +112,7 @@ class OSC(Process):
         # At Q = ½ the two exponentials coincide. This changes the autocovariance by 1e-6 there.
         turn = max(turn, 1e-3 * damping)
         decay, cycle = damping / as_rate(rate), math.fmod(turn / rate, 2.0 * math.pi)
-        if decay > WHITE:
+        if decay > NEGLIGIBLE_EXPONENT:
             return ExponentialSum(white=self.scale)
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
