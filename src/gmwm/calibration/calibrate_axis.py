@@ -30,25 +30,15 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.walk import RW
 
-STAGES = ("measured", "model chosen", "fitted", "judged")
+STAGES = ("measured", "model chosen", "fitted")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""
 
 
-def calibrate_axis(
-    measured: MeasuredAxis, options: CalibrationOptions, *, advance: Callable[[str], None] = lambda _: None,
-    check: Callable[[], None] = lambda: None,
-) -> AxisCalibration:  # fmt: skip
-    """Choose the model of an axis, fit it, and judge the fit. `advance` is called with the name of each finished stage,
-    `check` often; it may raise to end the work. Raises a GmwmError if, for example, the recording is too short."""
+def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: CalibrationOptions) -> AxisCalibration:
+    """Fit the chosen model of an axis, and compute its numbers and their uncertainty."""
     options = options.of_axis(measured.axis)
-    curve, level = measured.curve(options), options.confidence
-    require_scales(curve)
-    advance(STAGES[0])
-    choice = choose_model(curve, measured.spectrum, options, check=check)
-    ranking = choice.ranking
-    advance(STAGES[1])
+    curve, level, ranking = measured.curve(options), options.confidence, choice.ranking
     fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
-    advance(STAGES[2])
     lines = () if measured.spectrum is None else measured.spectrum.lines
     sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
     raw = measured.raw_curve(options)
@@ -66,15 +56,17 @@ def calibrate_axis(
     )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
-    advance(STAGES[3])
     return axis
 
 
 def choose_model(
-    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
-) -> ModelChoice:
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
+    check: Callable[[], None] = lambda: None,
+) -> ModelChoice:  # fmt: skip
     """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
-    options of the axis say. `check` is called often and may raise to stop."""
+    options of the axis say. `check` is called often and may raise to stop. Raises a GmwmError if, for example, the
+    recording is too short."""
+    require_scales(wv)
     if options.models:
         return given_model(options.general, wv, options.ranking)
     if options.searched:

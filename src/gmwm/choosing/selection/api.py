@@ -392,7 +392,7 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
     return name
 
 
-def _complexity(candidate: Candidate) -> int:
+def complexity(candidate: Candidate) -> int:
     """Return the number of parameters, plus 2 for each term like flicker noise, whose one parameter gives a curve like
     several Gauss-Markov processes and would often replace a single one in short recordings."""
     return candidate.parameters + 2 * sum(
@@ -418,7 +418,7 @@ def _equivalent(
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)
-    for candidate in sorted(distinct, key=lambda c: (_complexity(c), level[c.structure])):
+    for candidate in sorted(distinct, key=lambda c: (complexity(c), level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue

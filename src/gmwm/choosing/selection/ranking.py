@@ -66,7 +66,8 @@ class Candidate:
         Whether the model is as good as the best one within the uncertainty of the criterion, and contains no smaller
         model that is.
     recommended : bool
-        Whether the model is the simplest of the equivalent models.
+        Whether the model is the simplest of the equivalent models. In a calibration, a model whose form the axes of the
+        sensor share replaces it; this model also counts as equivalent.
     same_as : str or None
         Structure of the smaller model with the same fit, if some estimates are zero or at an end of their domain;
         otherwise None.
@@ -155,7 +156,7 @@ class Ranking(Plotted, Tabular):
 
     @property
     def recommended(self) -> Candidate:
-        """The simplest of the equivalent candidates."""
+        """The recommended candidate, see `Candidate`."""
         return next(candidate for candidate in self.candidates if candidate.recommended)
 
     @property

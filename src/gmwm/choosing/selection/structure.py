@@ -16,8 +16,12 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.drift import DR
+from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.ordered import find_class
+from gmwm.theory.processes.oscillator import OSC
+from gmwm.theory.processes.sinusoid import SIN
 
 LEAST_DRIFT_SHARE = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
@@ -111,6 +115,16 @@ def structure_of(model: Model) -> Counter[str]:
         model.__dict__["_structure"] = names_of(model.processes)
     structure: Counter[str] = model.__dict__["_structure"]
     return structure
+
+
+def slow_terms(model: Model) -> tuple[str, ...]:
+    """Return the sorted names of all terms except white, quantization and short-memory noise, and oscillations.
+
+    >>> slow_terms(Model.parse("WN + RW + GM + SIN"))
+    ('GM', 'RW')
+    """
+    fast = (WN, QN, SIN, OSC, Lagged)
+    return tuple(sorted(process.name for process in model.processes if not isinstance(process, fast)))
 
 
 def names_of(processes: Iterable[Process]) -> Counter[str]:
