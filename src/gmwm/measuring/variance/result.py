@@ -43,7 +43,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
     Attributes
     ----------
     levels : (J,) int array
-        Levels j, from 1.
+        Levels j, from 1. The level −l is the moment of the lag l, if the filter has lags; see `gmwm.fit`.
     variance, lower, upper : (J,) arrays, in unit²
         Estimates and confidence limits.
     counts : (J,) int array
@@ -142,8 +142,15 @@ class WaveletVariance(Documented, Summarised, Plotted):
 
     @property
     def scales(self) -> NDArray[np.int64]:
-        """Scales τ_j = 2^j (samples)."""
-        return np.int64(1) << self.levels
+        """Scales τ_j = 2^j (samples), and l + 1 for the level −l of a lag."""
+        return np.where(self.levels < 0, 1 - self.levels, np.int64(1) << np.maximum(self.levels, 0))
+
+    @property
+    def without_lags(self) -> WaveletVariance:
+        """Wavelet variance without the autocovariances of first differences at lags."""
+        if not np.any(self.levels < 0):
+            return self
+        return replace(self._at(np.flatnonzero(self.levels > 0)), filter="haar")
 
     @property
     def tau(self) -> Vector:
@@ -327,7 +334,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
     def summary(self) -> str:
         """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
-        name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
+        name = self.filter.capitalize() if self.filter.startswith("haar") else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
         lines = [
             f"{title}{' of ' + self.axis if self.axis else ''}: {self.extent}",
