@@ -214,9 +214,9 @@ def _convolve(a: Vector, b: Vector) -> Vector:
 def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
     """Return the wavelet filter with a name.
 
-    "haar + lags:8" is the Haar filter with the autocovariances of first differences at the lags 1 to 8, and
-    "haar + lags:3,5" with the lags 3 and 5 only; see `gmwm.fit`. The other names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24. If PyWavelets
-    is installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
+    The names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24, and
+    "haar + lags:8" or "haar + lags:3,5" with autocovariances of first differences; see `gmwm.fit`. If PyWavelets is
+    installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
     Daubechies filters by vanishing moments and reverses them in time (db2 is d4 reversed; sym4 is la8), which does not
     change a variance.
 
@@ -258,7 +258,7 @@ def _find(name: str) -> WaveletFilter:
         published = np.array(table.scaling.split(), dtype=np.float64)
         return _filter(name, published, moments=table.vanishing_moments, accuracy=table.accuracy, source=table.source)
     if match := re.fullmatch(r"haar\s*\+\s*lags:\s*(\d+(?:\s*,\s*\d+)*)", name):
-        return _with_lags([int(lag) for lag in match[1].split(",")])
+        return _with_lags(tuple(int(lag) for lag in match[1].split(",")))
     if re.fullmatch(r"(db|sym|coif)[1-9]\d?", name):
         return _from_pywavelets(name)
     raise OptionError(
@@ -268,14 +268,16 @@ def _find(name: str) -> WaveletFilter:
     )
 
 
-def _with_lags(lags: list[int]) -> WaveletFilter:
+@lru_cache(maxsize=64)
+def _with_lags(lags: tuple[int, ...]) -> WaveletFilter:
     """Return the Haar filter with lags; a single number is the largest one."""
     if not all(1 <= lag <= _MOST_LAGS for lag in lags):
         raise OptionError(argument="filter", expected=f"lags from 1 to {_MOST_LAGS}", got=lags)
-    every = tuple(sorted(set(lags))) if len(lags) > 1 else tuple(range(1, lags[0] + 1))
-    text = ",".join(map(str, every)) if len(lags) > 1 else str(lags[0])
-    name = f"haar + lags:{text}"
-    return replace(HAAR, name=name, lags=every)
+    every = tuple(sorted(set(lags)))
+    if every != lags:
+        return _with_lags(every)
+    name = f"haar + lags:{','.join(map(str, every))}"
+    return replace(HAAR, name=name, lags=every if len(every) > 1 else tuple(range(1, lags[0] + 1)))
 
 
 def _from_pywavelets(name: str) -> WaveletFilter:

@@ -102,8 +102,8 @@ def fit(
         - An array is your own diagonal, or your own positive definite matrix.
 
         With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
-        wrong, neither of them is safer. For MA and ARMA models with free coefficients, refine the fit by `fit_ml` with
-        this fit as its start, which has smaller standard errors (docs/likelihood.md).
+        wrong, neither of them is safer. MA and ARMA models need more `moments`, or `fit_ml` with this fit as its start
+        (docs/concepts/moments.md).
     robust : bool
         Whether to fit the robust wavelet variance of a signal, which outliers hardly affect. If `data` is a
         WaveletVariance, it must be robust itself.
@@ -155,7 +155,9 @@ def fit(
     References
     ----------
     Guerrier, Skaloud, Stebler and Victoria-Feser (2013), Wavelet-variance-based estimation for composite
-    stochastic processes, JASA 108, 1021-1030; equation 3 of Balamuta, Guerrier, Molinari and Yang.
+    stochastic processes, JASA 108, 1021-1030; equation 3 of Balamuta, Guerrier, Molinari and Yang. Moments at lags:
+    Guerrier, Molinari and Stebler (2016), Wavelet-based improvements for inertial sensor error modeling, IEEE Trans.
+    Instrum. Meas. 65, 2693-2700.
 
     Examples
     --------
@@ -275,7 +277,9 @@ def _several(data: object) -> list[Curve] | None:
     return None
 
 
-def _measure(data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked, moments: str) -> WaveletVariance:
+def _measure(
+    data: Curve, rate: float | None, robust: bool, efficiency: float, *, asked: Asked, moments: str
+) -> WaveletVariance:
     if asked.terms:
         wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
     elif isinstance(data, WaveletVariance):

@@ -15,7 +15,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.text import Summarised
+from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults, rate_words
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.transform import (
@@ -183,6 +183,12 @@ class WaveletVariance(Documented, Summarised, Plotted):
         return max(self.segments, default=self.samples)
 
     @property
+    def levels_text(self) -> str:
+        """Number of levels and of lags as text, for example "12 levels and 8 lags"."""
+        lags = int(np.count_nonzero(self.levels < 0))
+        return f"{len(self) - lags} levels" + (f" and {counted(lags, 'lag')}" if lags else "")
+
+    @property
     def extent(self) -> str:
         """Number of samples and segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
@@ -272,7 +278,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
         levels = self.levels.tolist()
         if (
             not levels
-            or levels[0] < 1
+            or not {j for j in levels if j < 1} <= {-lag for lag in find_filter(self.filter).lags}
             or levels != sorted(set(levels))
             or levels[-1] > 62
             or 1 << levels[-1] > self.samples

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import Matrix, Vector, as_rate
 from gmwm.base.documents import write_as_text
 from gmwm.base.errors import ModelError
 from gmwm.recording.signals import Signal
