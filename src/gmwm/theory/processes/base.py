@@ -259,8 +259,7 @@ class Process(HaarTheory, ABC):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
-        numbers = as_levels(levels)
-        return cls._differences(nonlinear, lambda theta: cls.shape(theta, numbers, rate, filter))
+        return cls._differences(nonlinear, lambda theta: cls.shape(theta, levels, rate, filter))
 
     @classmethod
     def _differences(cls, nonlinear: Matrix, function: Callable[[Matrix], Matrix]) -> NDArray[np.float64]:
@@ -277,9 +276,7 @@ class Process(HaarTheory, ABC):
         return np.asarray(np.einsum("d,kdnj->njk", weights, values) / (60.0 * steps[:, None, :]))
 
     @classmethod
-    def moments(
-        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
-    ) -> NDArray[np.float64]:
+    def moments(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute `shape`, and for a filter with lags the moments of the levels −l; see `WaveletFilter`."""
         if not filter.lags:
             return cls.shape(nonlinear, levels, rate, filter)
@@ -300,7 +297,7 @@ class Process(HaarTheory, ABC):
         return np.concatenate([slopes[:, :1] + lagged, slopes[:, places]], axis=1)
 
     @classmethod
-    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> NDArray[np.float64]:
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
         """Compute E W_{1,t} W_{1,t+l} (n, L) of Haar coefficients at lags l, a quarter of the autocovariance of first
         differences, for scale coefficient 1."""
         rows = np.empty((len(nonlinear), lags.size))
@@ -587,8 +584,7 @@ class Process(HaarTheory, ABC):
 
 
 def _apart(levels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the places of the levels above 0 among these levels and level 1, the lags, and these levels with level
-    1."""
+    """Return the places of the levels above 0 among these and level 1, the lags, and these levels."""
     above = levels[levels > 0]
     with_first = above if above.size and above[0] == 1 else np.concatenate([[1], above])
     return np.arange(with_first.size)[with_first.size - above.size :], -levels[levels < 0], with_first
