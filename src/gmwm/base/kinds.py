@@ -27,7 +27,7 @@ _WORDS: Mapping[Any, str] = {
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
 _POSITIVE = {
-    "rate", "samples", "levels", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms", "length",
+    "rate", "samples", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms", "length",
     "blocks", "comparisons", "frequency", "recordings", "tau",
 }  # fmt: skip
 _NOT_NEGATIVE = {

@@ -269,7 +269,7 @@ def _as_bias(entry: Entry) -> Entry:
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:
-    wv = fit.wavelet_variance
+    wv = fit.wavelet_variance.without_lags
     unit, factor = noise_unit(0.0, wv.unit)
     # The Allan variance is twice the Haar wavelet variance, whichever filter the fit uses.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))

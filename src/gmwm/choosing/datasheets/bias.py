@@ -43,7 +43,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used. No upper end
     exceeds the largest upper confidence limit of the measured σ near the minimum of its curve.
     """
-    wv = fit.wavelet_variance
+    wv = fit.wavelet_variance.without_lags
     noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
     lines = tuple(process for process in fit.model.processes if process.oscillation() is not None)
     if not noises:

@@ -83,7 +83,7 @@ def measurable(entry: Entry, fit: Fit) -> Entry:
     limit of a noise is reached where the noise alone reaches the upper confidence limits of the measured variance. N
     and K of a filter differ from the white noise and the random walk of a model, so their limit stays if it is within a
     factor of `WIDEST_INTERVAL` of the value. A limit without a bound stays infinite."""
-    wv = fit.wavelet_variance
+    wv = fit.wavelet_variance.without_lags
     if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
         return entry
     terms = dict(zip(fit.model.terms, fit.model.processes, strict=True))

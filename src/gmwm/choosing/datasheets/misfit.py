@@ -42,6 +42,7 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     """Return the factor from the density of a model to the measured one; None if it is 1. It is the ratio of both
     variances, without the sinusoids, at levels that differ by more than `MISFIT_ERRORS` standard errors, and 1 at the
     others."""
+    fit = fit.without_lags
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
     for process in fit.model.processes:

@@ -216,6 +216,6 @@ def _ways(general: Fit, problem: Problem) -> list[Matrix]:
         if not moving or type(process) is problem.curved_class or process.scale == 0:
             continue
         at = process.nonlinear.reshape(1, -1)
-        slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
-        rows += [process.shape(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
+        slopes = process.moments_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
+        rows += [process.moments(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
     return rows

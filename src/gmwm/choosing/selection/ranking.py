@@ -264,7 +264,7 @@ class Ranking(Plotted, Tabular):
         wv = self.best.fit.wavelet_variance
         lines = [
             f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
-            f"{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
+            f"{wv.extent}, {wv.levels_text}, weighting {self.weighting}",
             "",
         ]
         head, rows = self.table(limit)

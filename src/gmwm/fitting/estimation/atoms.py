@@ -72,9 +72,9 @@ def shape_at(
     """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves, one after
     another."""
     if np.all(levels[1:] > levels[:-1]):
-        return process.shape(parameters, levels, rate, filter)
+        return process.moments(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
-    return np.asarray(process.shape(parameters, ascending, rate, filter)[:, place])
+    return np.asarray(process.moments(parameters, ascending, rate, filter)[:, place])
 
 
 def slope_at(
@@ -82,7 +82,7 @@ def slope_at(
 ) -> Matrix:
     """Return the derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
     ascending, place = np.unique(levels, return_inverse=True)
-    return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
+    return np.asarray(process.moments_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
 
 
 def shapes(

@@ -176,12 +176,12 @@ def _of_process(
         # compares the criterion with the bootstrap.
         steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
-    shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
+    shape = process.moments(at.reshape(1, -1), levels, rate, filter)[0]
     slope = np.empty((levels.size, 1 + free.size))
     bend = np.zeros((1 + free.size, 1 + free.size))
     slope[:, 0] = shape
     if free.size:
-        jacobian = process.shape_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
+        jacobian = process.moments_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
         slope[:, 1:] = process.scale * jacobian[0]
         bend[0, 1:] = bend[1:, 0] = pull @ jacobian[0]
         for i in range(free.size):

@@ -68,7 +68,8 @@ def simulated_variances(
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
     """Fill `rows` with the wavelet variances of the first paths of a batch, which is drawn completely: paths depend on
     its size."""
-    deepest, rows_of_levels = int(design.levels[-1]), design.levels - 1
+    deepest = int(design.levels[-1])
+    rows_of_levels = np.searchsorted(design.filter.numbers(deepest), design.levels)
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
         row[:] = variances_alone(

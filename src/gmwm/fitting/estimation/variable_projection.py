@@ -174,7 +174,7 @@ class Surface:
     def _free_shapes(self, values: list[Matrix]) -> Matrix:
         problem = self.problem
         rows = [
-            free.kind.shape(row, problem.levels, problem.rate, problem.filter)
+            free.kind.moments(row, problem.levels, problem.rate, problem.filter)
             for free, row in zip(self.frees, values, strict=True)
         ]
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
@@ -215,12 +215,12 @@ class Surface:
             parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
             by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
             rows.append(
-                curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+                curved_class.moments_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
             )
         owner = list(range(len(branches)))
         for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
             values, by_z = free.with_slopes(part)
-            jacobian = free.kind.shape_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
+            jacobian = free.kind.moments_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
             rows.append((jacobian @ by_z).T)
             owner += [len(branches) + place] * free.size
         lengths = found.lengths[owner]

@@ -142,17 +142,23 @@ class Design:
 
         `counts` are the numbers of coefficients of all segments together.
         """
-        own = coefficient_counts(length, self.levels, self.filter, self.transform)
-        reach = int(np.count_nonzero(own > 0))
-        if reach == 0:
+        reached = self.reached(length)
+        if not reached.any():
             return None
-        return replace(
-            self, levels=self.levels[:reach], samples=length, segments=(), strides=self.strides[:reach],
-            pooled=counts[:reach], excess=None, model_error=0.0,
-        )  # fmt: skip
+        single = replace(self, excess=None).only(reached)
+        return replace(single, samples=length, segments=(), pooled=counts[reached], model_error=0.0)
+
+    def reached(self, length: int) -> NDArray[np.bool_]:
+        """Return the mask (J,) of the levels with a coefficient in a segment of a given length."""
+        return coefficient_counts(length, self.levels, self.filter, self.transform) > 0
 
     @property
     def running_sum(self) -> bool:
         """Whether the transform is the maximal-overlap Haar transform, which has second differences of a running
         sum."""
         return self.filter is HAAR and self.transform == "modwt"
+
+    @property
+    def without_lags(self) -> Design:
+        """Design of the wavelet variances alone, if the filter has lags."""
+        return replace(self.only(self.levels > 0), filter=HAAR)

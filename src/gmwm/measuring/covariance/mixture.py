@@ -122,12 +122,12 @@ def _candidates(
     for kind in kinds.values():
         if not kind.nonlinear_parameters():
             processes.append(kind.standard())
-            rows.append(kind.shape(np.empty((1, 0)), number, rate, filter))
+            rows.append(kind.moments(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
             # Number of correlation times of each process with a correlation time.
             places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
-            rows.append(kind.shape(places, number, rate, filter))
+            rows.append(kind.moments(places, number, rate, filter))
     shapes = np.concatenate(rows)
     seen = np.any(shapes > 0, axis=1)
     return tuple(p for p, here in zip(processes, seen, strict=True) if here), np.asarray(shapes[seen])

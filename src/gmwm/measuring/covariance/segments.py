@@ -27,7 +27,7 @@ def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
         if total is None:
             total = np.zeros((counts.size,) * part.ndim)
         own = segment.counts.astype(np.float64)
-        total[tuple(slice(n) for n in part.shape)] += times * part * _outer(own, part.ndim)
+        total[np.ix_(*[design.reached(length)] * part.ndim)] += times * part * _outer(own, part.ndim)
     assert total is not None
     return np.asarray(total / _outer(counts.astype(np.float64), total.ndim))
 

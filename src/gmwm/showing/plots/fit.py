@@ -40,6 +40,7 @@ def fit_panel(
 ) -> Panel:
     """Return the panel that `plot_fit` draws. If it shares a legend with others (not `alone`), the legend names the
     terms without parameters, and a text in the panel lists the terms that are zero."""
+    fit = getattr(fit, "without_lags", fit)
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))

@@ -131,6 +131,15 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.ascontiguousarray(np.swapaxes(out[:, :, numbers - 1], 1, 2))
 
     @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute E W_{1,t} W_{1,t+l} (n, L) for innovation variance 1."""
+        every = np.arange(lags.max() + 2)
+        values = np.empty((len(nonlinear), every.size))
+        for row, theta in zip(values, np.ascontiguousarray(nonlinear, dtype=np.float64), strict=True):
+            _core.arma_autocovariance(cls.full_orders(), theta, every, True, row)
+        return np.asarray((2.0 * values[:, lags] - values[:, lags - 1] - values[:, lags + 1]) / 4.0)
+
+    @classmethod
     @cache
     def _factors(cls) -> list[tuple[Polynomial, slice]]:
         """Return the polynomials and the slices of their coefficients in the nonlinear parameters."""
