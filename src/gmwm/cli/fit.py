@@ -40,6 +40,7 @@ from gmwm.cli.output import (
     Outcome,
     json_text,
     make_directory,
+    optional_plots,
     progress,
     table_text,
     tell,
@@ -260,7 +261,7 @@ def _files(
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
-        yield from (picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items())
+        yield from optional_plots(*(picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items()))
     if plot is not None:
         yield picture(fits, plot)
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, freeze
-from gmwm.base.errors import MissingDependencyError, OptionError
+from gmwm.base.errors import OptionError
+from gmwm.base.extras import library
 
 __all__ = ["WaveletFilter", "find_filter"]
 
@@ -281,13 +282,7 @@ def _with_lags(lags: tuple[int, ...]) -> WaveletFilter:
 
 
 def _from_pywavelets(name: str) -> WaveletFilter:
-    try:
-        import pywt  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"the filter {name!r} belongs to PyWavelets, which is not installed", argument="filter", got=name,
-            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.", filters=", ".join(FILTERS),
-        ) from error  # fmt: skip
+    pywt = library("pywt")
     try:
         wavelet = pywt.Wavelet(name)
     except ValueError as error:

@@ -18,7 +18,7 @@ from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
 from gmwm.fitting.estimation.intervals import Method
-from gmwm.fitting.estimation.linearised import COLLINEAR
+from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE
 from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
 from gmwm.fitting.estimation.solver import model_of, solve
 from gmwm.fitting.estimation.weighting import Weights
@@ -121,7 +121,7 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
     gauss = weighted.T @ weighted
     inverse = _inverse(gauss - bends[np.ix_(seen, seen)] / np.outer(length[seen], length[seen]))
     if inverse is None:
-        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR, hermitian=True)
+        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR_SINGULAR_VALUE, hermitian=True)
     moved = weighted.T @ root
     return float(2 * np.trace(inverse @ moved @ wavelet @ moved.T))
 
@@ -129,7 +129,7 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
 def _inverse(hessian: Matrix) -> Matrix | None:
     """Return the inverse of the Hessian H; None if H is not positive definite, for example at the end of a domain."""
     strength, axes = np.linalg.eigh(hessian)
-    if strength[0] <= COLLINEAR * strength[-1]:
+    if strength[0] <= COLLINEAR_SINGULAR_VALUE * strength[-1]:
         return None
     return np.asarray((axes / strength) @ axes.T)
 

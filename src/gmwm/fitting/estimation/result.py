@@ -12,6 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
+from gmwm.base.frames import Tabular
 from gmwm.base.kinds import Document
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark
@@ -68,7 +69,7 @@ class Diagnostics(Documented):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(Documented, Plotted, KalmanMethods):
+class Fit(Documented, Plotted, Tabular, KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -271,7 +272,9 @@ class Fit(Documented, Plotted, KalmanMethods):
 
         return budget({self.wavelet_variance.axis: self}, duration, rest=rest, level=level)
 
-    def to_frame(self, level: float = 0.95) -> DataFrame:
+    coordinates = ("parameter",)
+
+    def to_polars(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.
 
         Parameters

@@ -217,7 +217,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     if start is not None and start.how != "convex":
         certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
-        # Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed.
+        # Largest gap of a global optimum in words, 10 times `certified_gap`, which the limit of nodes may exceed.
         proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
         claim += " given the fixed values" if fit.model.fixed_names else ""

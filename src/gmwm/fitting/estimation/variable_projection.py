@@ -23,7 +23,7 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-NOISE = 1e-12
+ROUNDING_NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
 _COMPLEX = 1e-30
 
@@ -312,7 +312,7 @@ class Surface:
             size = float(np.abs(step).max(initial=0.0))
             # Longest Newton step that is accepted.
             trial = self.at(self.move(best.point, step)) if size < 0.3 else None
-            if trial is None or not self.problem.as_low(trial.objective, best.objective, NOISE):
+            if trial is None or not self.problem.as_low(trial.objective, best.objective, ROUNDING_NOISE):
                 if fresh:
                     break
                 curvature = None

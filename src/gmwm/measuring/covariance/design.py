@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.robust import FEW
+from gmwm.measuring.variance.robust import MEAN_SQUARE_COUNT
 from gmwm.measuring.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
@@ -107,7 +107,7 @@ class Design:
     @property
     def few(self) -> NDArray[np.bool_]:
         """Mask (J,) of the levels that have too few coefficients, in all segments together, for a robust estimate."""
-        return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
+        return np.asarray((self.counts if self.pooled is None else self.pooled) <= MEAN_SQUARE_COUNT)
 
     def only(self, which: NDArray[np.bool_]) -> Design:
         """Return the design with only the levels that the mask `which` (J,) selects."""

@@ -17,7 +17,7 @@ from gmwm.measuring.variance.transform import pooled_counts
 from gmwm.theory.filters import find_filter
 
 Number = TypeVar("Number", np.float64, np.int64)
-SLOWER = 1e-3
+SAME_RATE_DIFFERENCE = 1e-3
 """Largest relative difference of the sampling rates. Real clocks differ by 1e-5; 1e-3 changes the wavelet variance by
 at most 0.3 %."""
 
@@ -86,7 +86,7 @@ def _require_alike(curves: Mapping[str, WaveletVariance]) -> None:
         ):
             if value != other_value:
                 raise _differ(what, f"{value} in recording {first}", f"{other_value} in recording {name}")
-        if abs(other.rate / curve.rate - 1) > SLOWER:
+        if abs(other.rate / curve.rate - 1) > SAME_RATE_DIFFERENCE:
             rates = f"{curve.rate:g} Hz in recording {first}", f"{other.rate:g} Hz in recording {name}"
             raise _differ("sampling rate", *rates)
 

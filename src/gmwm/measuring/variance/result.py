@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised, counted
@@ -37,7 +38,7 @@ _OUTCOMES = {"mad": "robust-coarse", "mean": "robust-coarse", "zero": "robust-to
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Documented, Summarised, Plotted):
+class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
@@ -321,11 +322,13 @@ class WaveletVariance(Documented, Summarised, Plotted):
         ]
         return tuple(dict.fromkeys([*remarks, *others]))
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("level",)
+
+    def to_polars(self) -> DataFrame:
         """Return the curve as a Polars data frame with one row for each level.
 
         >>> import gmwm
-        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
+        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_polars().columns
         ['level', 'tau', 'variance', 'lower', 'upper', 'coefficients', 'degrees_of_freedom']
         """
         from polars import DataFrame
@@ -421,7 +424,7 @@ def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WaveletVariances(AxisResults[WaveletVariance]):
+class WaveletVariances(AxisResults[WaveletVariance], Tabular):
     """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
@@ -440,11 +443,13 @@ class WaveletVariances(AxisResults[WaveletVariance]):
     curves: Mapping[str, WaveletVariance]
     noun = "wavelet variance"
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("axis", "level")
+
+    def to_polars(self) -> DataFrame:
         """Return the curves as a Polars data frame with one row for each axis and level."""
         from polars import concat, lit
 
-        return concat([curve.to_frame().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
+        return concat([curve.to_polars().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
 
     def summary(self) -> str:
         """Format one table for each sensor, with the variance of each axis at every scale."""
