@@ -29,6 +29,7 @@ PAGES = (
     DOCS / "howto" / "conditions.md",
     DOCS / "howto" / "contaminated.md",
     DOCS / "howto" / "recordings.md",
+    DOCS / "next" / "consistency.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )
 BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?", re.MULTILINE | re.DOTALL)

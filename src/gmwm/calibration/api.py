@@ -36,7 +36,7 @@ def calibrate(
 
     Parameters
     ----------
-    data : Imu, Signal, Stream; a list of these; or mapping of axis to Signal, WaveletVariance or a pair of these
+    data : Imu, Signal, Stream or data frame; a list of these; or mapping of axis to Signal, WaveletVariance or a pair
         A recording of a sensor at rest, or a list (or a mapping of name to Imu or Stream) of several recordings of one
         unit. For several recordings, each axis has one model, which is fitted to the mean of their curves, and the
         intervals include the spread between them; `calibration.axes[axis].replicates` compares the recordings. A Stream

@@ -244,9 +244,10 @@ def _outcomes(
         elif scheduler is None:
             place = Processes(count, () if helpers is None else helpers.take_idle())
         else:
-            from gmwm.measuring.streaming.scheduling import connect, library
+            from gmwm.base.extras import library
+            from gmwm.measuring.streaming.scheduling import connect
 
-            library()
+            library("distributed")
             stack.enter_context(allowing_lost_workers(retries))
             place = Cluster(stack.enter_context(connect(scheduler)))
         yield run_jobs(jobs, stack.enter_context(place), retries)
