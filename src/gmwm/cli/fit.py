@@ -26,7 +26,6 @@ from gmwm.cli.options import (
     AgainstOption,
     Efficiency,
     EstimationOption,
-    Filter,
     ResultOption,
     Robust,
     TransformName,
@@ -116,7 +115,16 @@ def fit(
             "such as AR(2)."
         ),
     ] = None,
-    filter: Filter = "haar",
+    filter: Annotated[
+        str,
+        EstimationOption(
+            "--filter",
+            "--moments",
+            help="Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of first differences "
+            "at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood. Filters: haar, "
+            "d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
+        ),
+    ] = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,

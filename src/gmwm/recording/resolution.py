@@ -230,7 +230,7 @@ def before_rounding(runs: list[Vector], step: float) -> float:
     used = varied if 2 * len(varied) > len(runs) else [run for run in runs if run.size > 1]
     if not used:
         return 0.0
-    usual = float(np.median([np.var(run) for run in used])) / step**2
+    usual = float(np.median([np.var(run / step) for run in used]))
     if usual >= LIMITS.fine**2:
         return float(np.sqrt(usual - 1 / 12)) * step
     total = np.zeros(_SPREADS.size)

@@ -19,7 +19,7 @@ from gmwm.base.time_base import TimeBase
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
-ROUNDING = 1e-6
+TIME_ROUNDING = 1e-6
 """Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
 rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user
 types. Pinned by tests/test_cuts.py."""
@@ -93,7 +93,11 @@ class Trimmer:
             elapsed = self._clock.begin(sample, time, samples.first + end)
             for limits in self._kept:
                 a, b = (
-                    int(np.clip(np.ceil((edge - elapsed) * self._rate - ROUNDING) + sample - samples.first, begin, end))
+                    int(
+                        np.clip(
+                            np.ceil((edge - elapsed) * self._rate - TIME_ROUNDING) + sample - samples.first, begin, end
+                        )
+                    )
                     for edge in limits
                 )
                 if a < b:

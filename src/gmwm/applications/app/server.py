@@ -29,7 +29,7 @@ LOADED = (
 )  # fmt: skip
 """Modules that gmwm imports when it needs them. They are imported before the server starts, because SciPy cannot be
 imported by several threads at once (tests/app/test_server.py)."""
-CHECK = 0.2
+SIGNAL_CHECK_S = 0.2
 """Time (s) between two checks for signals such as Ctrl-C."""
 
 
@@ -57,7 +57,7 @@ def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[st
             webbrowser.open(server.url)
         while True:
             # Polars installs its own handler for Ctrl-C. With it, Ctrl-C would not interrupt an unlimited wait.
-            time.sleep(CHECK)
+            time.sleep(SIGNAL_CHECK_S)
 
 
 @contextmanager
@@ -78,7 +78,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
         host = f"{HOST}:{server.server_port}"
         server.app = application(desk, host=host, token=token)
         server.daemon_threads = True
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": CHECK}, daemon=True)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": SIGNAL_CHECK_S}, daemon=True)
         thread.start()
         try:
             yield Served(f"http://{host}/{token}/", folders)

@@ -18,7 +18,7 @@ from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison,
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SMALLEST = 1e-300
+SMALLEST_PVALUE = 1e-300
 """Smallest p-value that is shown, so that no text states p = 0."""
 
 
@@ -174,7 +174,7 @@ class SameNoise(RecordingComparison, Tabular):
                         "recordings-differ", axis, case="noise",
                         percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                         more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                        p=max(smallest(rows), SMALLEST), recording=recording, other=self._other,
+                        p=max(smallest(rows), SMALLEST_PVALUE), recording=recording, other=self._other,
                     ))  # fmt: skip
         return tuple(remarks)
 
@@ -187,7 +187,7 @@ class SameNoise(RecordingComparison, Tabular):
                     "recordings-differ", test.axis, case="parameters",
                     name=most.name, recording=most.recording, other=self._other,
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
-                    p=max(test.pvalue, SMALLEST),
+                    p=max(test.pvalue, SMALLEST_PVALUE),
                 )  # fmt: skip
         for test in self.parameters:
             if not test.differs:
@@ -195,7 +195,7 @@ class SameNoise(RecordingComparison, Tabular):
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
-            least = max(min(other.fit_pvalue for other in rejected), SMALLEST)
+            least = max(min(other.fit_pvalue for other in rejected), SMALLEST_PVALUE)
             yield Remark.of("model-rejected", test.axis, case="same", p=least)
 
     @property
@@ -244,4 +244,4 @@ def _cells(ratio: float, lower: float | None, upper: float | None) -> list[str]:
 
 
 def _p_cell(p: float | None) -> str:
-    return "" if p is None else f"{max(p, SMALLEST):.2g}"
+    return "" if p is None else f"{max(p, SMALLEST_PVALUE):.2g}"

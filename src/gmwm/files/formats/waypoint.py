@@ -23,7 +23,7 @@ from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.recording.imu_records import TYPES, RecordType
 
-BLOCK = 1 << 18
+RECORDS_OF_CHUNK = 1 << 18
 """Number of records in a chunk."""
 
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
@@ -44,14 +44,14 @@ class RecordsReader(Reader):
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Return a mark for each block of records, and one for the end."""
         records = whole_records(path, *layout.state)
-        return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
+        return (*(Mark(row) for row in range(0, records, RECORDS_OF_CHUNK)), Mark(records))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Yield blocks of records from a mark on, each field as float64."""
         dtype, offset = layout.state
         with path.open("rb") as file:
             file.seek(offset + mark.row * dtype.itemsize)
-            while (block := np.fromfile(file, dtype, BLOCK)).size:
+            while (block := np.fromfile(file, dtype, RECORDS_OF_CHUNK)).size:
                 yield {k: block[dtype.names[k]].astype(np.float64) for k in wanted}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -195,6 +195,18 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         """Effect of the temperature or of other conditions that was removed from the data; None if none was removed."""
         regression: Regression | None = self.wavelet_variance.regression
         return regression
+
+    @property
+    def without_lags(self) -> Fit:
+        """Fit with the wavelet variances alone, for plots of a fit that has moments at lags."""
+        wanted = self.wavelet_variance.levels > 0
+        if np.all(wanted):
+            return self
+        return replace(
+            self, wavelet_variance=self.wavelet_variance.without_lags, implied=self.implied[wanted],
+            decomposition={term: curve[wanted] for term, curve in self.decomposition.items()},
+            weighting_matrix=self.weighting_matrix[np.ix_(wanted, wanted)],
+        )  # fmt: skip
 
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""

@@ -36,7 +36,7 @@ from gmwm.recording.signals import Signal
 if TYPE_CHECKING:
     from distributed import Client
 
-PART_MEMORY = 64 << 20
+PART_BYTES = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
@@ -45,9 +45,9 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Return the default number of exact levels, for results of workers of at most `PART_MEMORY` bytes."""
+    """Return the default number of exact levels, for results of workers of at most `PART_BYTES` bytes."""
     # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
-    return exact_levels(axes, PART_MEMORY, 16)
+    return exact_levels(axes, PART_BYTES, 16)
 
 
 def measure_in_parts(

@@ -17,7 +17,7 @@ from gmwm.base.threads import processors
 if TYPE_CHECKING:
     from distributed import Client
 
-PATIENCE = 10
+SCHEDULER_WAIT_S = 10
 """Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
@@ -94,7 +94,7 @@ def _client(distributed: Any, address: object) -> Any:
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = distributed.Client(address, timeout=SCHEDULER_WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise OptionError(
             f"the scheduler at {address} does not answer ({error})",

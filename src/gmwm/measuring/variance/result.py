@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.text import Summarised
+from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults, rate_words
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.transform import (
@@ -44,7 +44,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     Attributes
     ----------
     levels : (J,) int array
-        Levels j, from 1.
+        Levels j, from 1. The level −l is the moment of the lag l, if the filter has lags; see `gmwm.fit`.
     variance, lower, upper : (J,) arrays, in unit²
         Estimates and confidence limits.
     counts : (J,) int array
@@ -143,8 +143,15 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
 
     @property
     def scales(self) -> NDArray[np.int64]:
-        """Scales τ_j = 2^j (samples)."""
-        return np.int64(1) << self.levels
+        """Scales τ_j = 2^j (samples), and l + 1 for the level −l of a lag."""
+        return np.where(self.levels < 0, 1 - self.levels, np.int64(1) << np.maximum(self.levels, 0))
+
+    @property
+    def without_lags(self) -> WaveletVariance:
+        """Wavelet variance without the autocovariances of first differences at lags."""
+        if not np.any(self.levels < 0):
+            return self
+        return replace(self._at(np.flatnonzero(self.levels > 0)), filter="haar")
 
     @property
     def tau(self) -> Vector:
@@ -175,6 +182,12 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     def longest(self) -> int:
         """Length of the longest segment without a gap (samples)."""
         return max(self.segments, default=self.samples)
+
+    @property
+    def levels_text(self) -> str:
+        """Number of levels and of lags as text, for example "12 levels and 8 lags"."""
+        lags = int(np.count_nonzero(self.levels < 0))
+        return f"{len(self) - lags} levels" + (f" and {counted(lags, 'lag')}" if lags else "")
 
     @property
     def extent(self) -> str:
@@ -266,7 +279,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
         levels = self.levels.tolist()
         if (
             not levels
-            or levels[0] < 1
+            or not {j for j in levels if j < 1} <= {-lag for lag in find_filter(self.filter).lags}
             or levels != sorted(set(levels))
             or levels[-1] > 62
             or 1 << levels[-1] > self.samples
@@ -330,7 +343,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     def summary(self) -> str:
         """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
-        name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
+        name = self.filter.capitalize() if self.filter.startswith("haar") else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
         lines = [
             f"{title}{' of ' + self.axis if self.axis else ''}: {self.extent}",

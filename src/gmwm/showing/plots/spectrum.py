@@ -17,7 +17,7 @@ from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_a
 from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
-from gmwm.showing.plots.fit import LINES
+from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
@@ -96,7 +96,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     strokes = term_strokes(model.terms, model.processes)
     total, terms = np.zeros(f.size), []
     lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
-    many = len(lines) > LINES
+    many = len(lines) > MOST_SINUSOIDS
     for term, process in zip(model.terms, model.processes, strict=True):
         line = process.line(rate)
         if line is not None:
