@@ -13,7 +13,7 @@ from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelErro
 from gmwm.base.text import counted
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
-from gmwm.calibration.findings import LEAST_SCALES, WANTED
+from gmwm.calibration.findings import LEAST_SCALES, PLANNED_ERROR
 from gmwm.calibration.measure import MeasuredAxis
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.rest import bias_at_rest
@@ -24,7 +24,7 @@ from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
 from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import settle
-from gmwm.fitting.inference.planning import SEEN, relative_errors
+from gmwm.fitting.inference.planning import CERTAIN_ERROR, relative_errors
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
@@ -130,7 +130,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
     parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
     cannot distinguish a term from a simpler process, because theory cannot predict the error."""
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
-    poor = [name for name, share in shares if share > SEEN]
+    poor = [name for name, share in shares if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
     terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
@@ -143,7 +143,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
         for name, error in zip(names, errors.tolist(), strict=True):
             term, _, parameter = name.partition(".")
             name_in_fit = f"{label[term]}.{parameter}"
-            if lengths.get(name_in_fit) == math.inf and error <= WANTED:
+            if lengths.get(name_in_fit) == math.inf and error <= PLANNED_ERROR:
                 lengths[name_in_fit] = samples / fit.wavelet_variance.rate
         if math.inf not in lengths.values():
             break

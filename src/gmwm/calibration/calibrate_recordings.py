@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, TypeVar
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import Progress
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import recording_additions
 from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis, choose_model
 from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import SIZE
+from gmwm.calibration.findings import TEST_SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.number_verdicts import with_limits
 from gmwm.calibration.options import CalibrationOptions
@@ -39,9 +40,6 @@ Data = Imu | Signal | Streamed | Mapping[str, AxisInput]
 """Data of one recording."""
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
-Progress = Callable[[int, int, str], None]
-"""Progress callback. Its arguments are the number of finished steps, the total number of steps, and a description of
-the last step."""
 
 
 def calibrate_recording(
@@ -143,7 +141,7 @@ def _recording_remarks(
             remarks += recording_remarks(inspection, axes, recording_verdicts)
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
-                    remarks += addition.remarks(finding, still, SIZE / len(inspections))
+                    remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))
     for name, remarks in by_recording.items():
         for remark in remarks:
             if all(remark in others for others in by_recording.values()):

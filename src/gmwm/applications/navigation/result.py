@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
@@ -71,7 +72,7 @@ class Growth(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Budget(Summarised, Plotted, Mapping[str, Growth]):
+class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
     """The error budget of unaided inertial navigation: a mapping of name to `Growth`.
 
     Attributes
@@ -141,7 +142,9 @@ class Budget(Summarised, Plotted, Mapping[str, Growth]):
         facts = plain_fields(self, "duration rest latitude gravity level")
         return facts | {"growth": plain(self.growths), **plain_fields(self, "alignment remarks")}
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("error", "time")
+
+    def to_polars(self) -> DataFrame:
         """Return the errors as a Polars data frame, with one row for each error and time."""
         from polars import DataFrame
 

@@ -23,7 +23,7 @@ from gmwm.theory.processes.ordered import find_class
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.sinusoid import SIN
 
-FELT = 0.1
+LEAST_DRIFT_SHARE = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
 show it (tests/selection/test_decisions.py)."""
 
@@ -58,7 +58,7 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
     """Return whether this slope is a visible part of the wavelet variance at the longest scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
-    return bool(felt[0] >= FELT * wv.variance[-1])
+    return bool(felt[0] >= LEAST_DRIFT_SHARE * wv.variance[-1])
 
 
 def nested_models(general: Model) -> list[Model]:

@@ -14,7 +14,7 @@ from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, align, p_relation
-from gmwm.fitting.estimation.intervals import UNDETERMINED
+from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
@@ -56,7 +56,7 @@ class Estimate:
             Limits of the interval; (0, inf) if the data do not determine the parameter.
         """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
-        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED * self.value):
+        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED_HALF_WIDTH * self.value):
             return 0.0, math.inf
         if z * self.error >= self.value and not self.shape:
             return 0.0, self.value + z * self.error

@@ -23,7 +23,7 @@ from gmwm.measuring.covariance.tails import excess_covariance
 from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
 from gmwm.measuring.regression.blocks import BlockClock
-from gmwm.measuring.regression.covariates import HOUR, Covariates
+from gmwm.measuring.regression.covariates import HOUR_S, Covariates
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
@@ -232,7 +232,7 @@ def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covar
     if term is not None and term.name == TIME:
         covariates = Covariates.of([term], {}, signal)
         begins = begins_of(signal.rate, signal.segments, signal.starts)
-        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR
+        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR_S
     if term is None or term.name not in arrays:
         raise OptionError(
             argument="condition", expected="one condition with its samples, such as {'temperature': values}, or 'time'",
