@@ -74,7 +74,7 @@ def test_the_file_states_them_and_names_the_remedy(units):
     losses = [max(each[k].loss for each in axes) for k in range(3)]
     assert [float(x) for x in found.groups()[:3]] == pytest.approx(losses, abs=0.006)
     # The truth of the worst axis, and a filter with it states its error.
-    bias = re.search(r"Gyroscopes: N and K hold up to .*?, set the horizon or N (\S+), sigma (\S+), T (\S+) s \((\w+)\)\.", text)
+    bias = re.search(r"Gyroscopes: N and K hold .*? or N (\S+), sigma (\S+), T (\S+) s \((\w+)\)\.", text)
     fit = units["gauss-markov"].axes[bias[4]].fit
     (term,) = (process for process in fit.model.processes if process.name == "GM")
     assert float(bias[2]) == pytest.approx(math.sqrt(term.value("sigma2")), rel=0.03)

@@ -10,7 +10,13 @@ from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
 from gmwm.choosing.datasheets.misfit import curve_ratio
 from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
-from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, cached, fit_states
+from gmwm.showing.exporters.two_states import (
+    LEAST_AVERAGING_RATIO,
+    LONGEST_AVERAGING_S,
+    Curve,
+    cached,
+    fit_states,
+)
 
 TIMES = (1.0, 10.0, 60.0)
 """Times (s) over which the predictions of the filters are compared."""
@@ -83,8 +89,8 @@ def _bias_instead(axes: Sequence[AxisNoise]) -> str:
     """Return white noise and a Gauss-Markov bias for the axis with the worst stated error at the longest time. The
     errors that a filter with these numbers states are true at all times (docs/validation/filter.md)."""
     axis = max(axes, key=lambda axis: abs(math.log(qualities(axis)[-1].claim)))
-    longest = min(LONGEST, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
-    band = TIMES[0], max(longest, WIDEST * TIMES[0])
+    longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
+    band = TIMES[0], max(longest, LEAST_AVERAGING_RATIO * TIMES[0])
     state = cached(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
     if axis.K.upper or not state.sigma or state.white <= 0:
         return ""
