@@ -178,7 +178,8 @@ def _dots(
     names = short if len(set(short)) == len(short) else units
     return [
         Polyline(
-            across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE, swatch=GREY
+            across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]),
+            label=names[k], layer=MIDDLE, swatch=GREY,
         )
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
