@@ -18,7 +18,7 @@ from pathlib import Path
 from PIL import Image
 
 from docs import message_pages
-from docs.pictures import front, processes, valleys
+from docs.pictures import front, logo, processes, valleys
 
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent
@@ -79,7 +79,7 @@ def moved(file: Path) -> Path:
 
 def main(names: list[str]) -> int:
     """Those whose names are given, or all; 1 if a picture is too large or written twice."""
-    scripts = {"front": front, "each-process": processes, "valleys": valleys}
+    scripts = {"logo": logo, "front": front, "each-process": processes, "valleys": valleys}
     makers = {name: lambda script=script: script.write(FOLDER) for name, script in scripts.items()}
     makers["messages"] = message_pages.write
     makers |= {page.stem: lambda page=page: run(page) for page in PAGES}

@@ -102,6 +102,13 @@ class Program(OneLineErrors):
         super().format_help(ctx, formatter)
         self._lists = False
 
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return the names and first sentences of the commands that a shell proposes."""
+        self._lists = True
+        proposals = super().shell_complete(ctx, incomplete)
+        self._lists = False
+        return proposals
+
 
 def help_text(text: str | None) -> str:
     """Return a docstring with each paragraph on one line, so that the help wraps at the width of the terminal."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import Outcome, json_text, make_directory, plot_file, text_file
+from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
@@ -183,12 +183,15 @@ def fit_conditions(
         "file": str(file), "model": str(model), "conditions": str(table),
         "axes": {name: condition_fit.to_dict() for name, condition_fit in fits.items()},
     }  # fmt: skip
-    files = [] if output is None else [text_file(output / "fits.json", json_text("fit", content) + "\n")]
-    for name, condition_fit in fits.items():
-        if output is not None:
-            files.append(text_file(output / f"numbers_{name}.csv", numbers_at(condition_fit).write_csv()))
-        for path in (None if output is None else output / f"fit_{name}.png", plot):
-            files += plot_file(path, partial(_draw, condition_fit))
+    files: list[NewFile] = []
+    if output is not None:
+        files = [text_file(output / "fits.json", json_text("fit", content) + "\n")]
+        files += optional_plots(
+            *(NewFile(output / f"fit_{name}.png", partial(_draw, fits[name]), "plotting") for name in fits)
+        )
+        files += [text_file(output / f"numbers_{name}.csv", numbers_at(fits[name]).write_csv()) for name in fits]
+    for condition_fit in fits.values():
+        files += plot_file(plot, partial(_draw, condition_fit))
     text = "\n\n".join(f"{name}: {condition_fit.summary()}" for name, condition_fit in fits.items())
     return Outcome(command="fit", document=content, text=text, files=tuple(files))
 

@@ -26,7 +26,6 @@ from gmwm.cli.options import (
     AgainstOption,
     Efficiency,
     EstimationOption,
-    Filter,
     ResultOption,
     Robust,
     TransformName,
@@ -41,6 +40,7 @@ from gmwm.cli.output import (
     Outcome,
     json_text,
     make_directory,
+    optional_plots,
     progress,
     table_text,
     tell,
@@ -116,7 +116,16 @@ def fit(
             "such as AR(2)."
         ),
     ] = None,
-    filter: Filter = "haar",
+    filter: Annotated[
+        str,
+        EstimationOption(
+            "--filter",
+            "--moments",
+            help="Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of first differences "
+            "at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood. Filters: haar, "
+            "d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
+        ),
+    ] = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
@@ -253,7 +262,7 @@ def _files(
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
-        yield from (picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items())
+        yield from optional_plots(*(picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items()))
     if plot is not None:
         yield picture(fits, plot)
 

@@ -22,7 +22,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
-from gmwm.choosing.datasheets.effective import HORIZON, Use, effective_noise
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use, effective_noise
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
@@ -32,7 +32,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases
 from gmwm.showing.exporters.quality import TIMES
 from gmwm.showing.exporters.reduction import AxisNoise, Number
-from gmwm.showing.exporters.two_states import LONGEST, WIDEST
+from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.noise import WN
@@ -151,8 +151,11 @@ def filter_model(calibration: Mapping[str, Any], axis: str, signal: Signal, filt
     if filter == "N, K":
         return _two_numbers(white.value, walk.value, signal.rate)
     noise = AxisNoise(axis, item, N=white, K=walk, B=Number(0.0, False), use=Use())
-    longest = max(min(LONGEST, item.wavelet_variance.samples / item.wavelet_variance.rate), WIDEST * HORIZON)
-    bias = biases([noise], HORIZON, longest, common=False)[axis]
+    longest = max(
+        min(LONGEST_AVERAGING_S, item.wavelet_variance.samples / item.wavelet_variance.rate),
+        LEAST_AVERAGING_RATIO * DEFAULT_HORIZON_S,
+    )
+    bias = biases([noise], DEFAULT_HORIZON_S, longest, common=False)[axis]
     state = GM(beta=1 / bias.time, sigma2=bias.sigma.value**2)
     return Model((WN(sigma2=bias.N.value**2 * signal.rate), state))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.choosing.datasheets.effective import HORIZON, checked_horizon
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, checked_horizon
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def numbers_at(
-    fit: ConditionsFit, conditions: Sequence[float] | None = None, *, horizon: float = HORIZON
+    fit: ConditionsFit, conditions: Sequence[float] | None = None, *, horizon: float = DEFAULT_HORIZON_S
 ) -> DataFrame:  # fmt: skip
     """Compute the white noise N and the random walk K of a filter, and correlation times, at values of a condition.
 
@@ -59,7 +59,7 @@ def numbers_at(
         times = {
             f"T_c of {term}": process.correlation_time(rate)
             for term, process in zip(model.terms, model.processes, strict=True)
-            if process.name in ("GM", "AR1")
+            if process.parametrises is not None
         }
         rows.append({fit.condition: float(condition), "N": numbers.N, "K": numbers.K, **times})
     return DataFrame(rows)

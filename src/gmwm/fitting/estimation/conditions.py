@@ -282,7 +282,7 @@ def fit_conditions(
     change = _no_change(solved, model, weighting) if factors or follows else None
     estimates = _estimates(solved, functions)
     for place, follow in solved.stack.follows.items():
-        estimates |= _link_estimates(model.terms[place], follow, solved, middle, half)
+        estimates |= _link_estimates(model.terms[place], follow, solved, middle=middle, half=half)
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
         models=dict(zip(curves, solved.models, strict=True)), estimates=estimates,
@@ -393,7 +393,7 @@ def _search(stack: Stack, matrix: Matrix) -> Stack:
 
 
 def _link_estimates(
-    term: str, follow: Follows, solved: SolvedStack, middle: float, half: float
+    term: str, follow: Follows, solved: SolvedStack, *, middle: float, half: float
 ) -> dict[str, Estimate]:  # fmt: skip
     """Return the coefficients a and b of a link per unit of the condition, with standard errors."""
     names, columns = solved.stack.slopes(solved.solution)

@@ -14,7 +14,7 @@ from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, align, p_relation
-from gmwm.fitting.estimation.intervals import UNDETERMINED
+from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence
@@ -61,7 +61,7 @@ class Estimate:
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
         if self.signed:
             return self.value - z * self.error, self.value + z * self.error
-        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED * self.value):
+        if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED_HALF_WIDTH * self.value):
             return 0.0, math.inf
         if z * self.error >= self.value and not self.shape:
             return 0.0, self.value + z * self.error

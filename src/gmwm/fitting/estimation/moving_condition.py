@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import begins_of, times_of
 from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
-from gmwm.measuring.regression.covariates import HOUR, Covariates
+from gmwm.measuring.regression.covariates import HOUR_S, Covariates
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
@@ -57,7 +57,7 @@ def condition_of(signal: Signal, condition: Against) -> tuple[CovariateTerm, Cov
     if term is not None and term.name == TIME:
         covariates = Covariates.of([term], {}, signal)
         begins = begins_of(signal.rate, signal.segments, signal.starts)
-        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR
+        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR_S
     if term is None or term.name not in arrays:
         raise OptionError(
             argument="condition", expected="one condition with its samples, such as {'temperature': values}, or 'time'",

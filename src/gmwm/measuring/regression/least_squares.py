@@ -18,7 +18,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.theory.processes.base import Process
 
-COLLINEAR = 1e6
+COLLINEAR_CONDITION = 1e6
 """Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
 1000 times as large as without the other columns."""
 

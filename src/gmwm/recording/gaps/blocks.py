@@ -39,7 +39,7 @@ def filled(
     Samples without short gaps are yielded at once. Other samples are held back until their block and the context after
     it are complete. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
     """
-    block, context = block or gaps.BLOCK, context or gaps.CONTEXT
+    block, context = block or gaps.BLOCK_SAMPLES, context or gaps.CONTEXT
     window = _Window(block, context, together)
     passed = 0  # number of samples that were yielded
     for batch in batches:

@@ -16,7 +16,7 @@ TIMES = (1.0, 10.0, 60.0)
 TRUE = (0.8, 1.3)
 """Ratios of the stated to the real error between which a file says nothing more. A convention, pinned by
 tests/exporters/test_quality.py."""
-LARGE = 1.2
+LARGE_LOSS = 1.2
 """Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
 tests/exporters/test_quality.py."""
 
@@ -74,7 +74,7 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
                 f"{NAMES[sensor.quantity].capitalize()}: N and K hold for predictions of up to {true[-1]:g} s; for "
                 "longer ones, set the horizon to their length."
             )
-        large = large or losses[-1] > LARGE
+        large = large or losses[-1] > LARGE_LOSS
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 

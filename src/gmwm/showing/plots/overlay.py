@@ -65,6 +65,7 @@ def overlay_panel(
 ) -> Panel:  # fmt: skip
     """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
     the data and a line for the model."""
+    items = {name: getattr(item, "without_lags", item) for name, item in items.items()}
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:
