@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import Progress
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import recording_additions
 from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis, choose_model
@@ -39,9 +40,6 @@ Data = Imu | Signal | Streamed | Mapping[str, AxisInput]
 """Data of one recording."""
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
-Progress = Callable[[int, int, str], None]
-"""Progress callback. Its arguments are the number of finished steps, the total number of steps, and a description of
-the last step."""
 
 
 def calibrate_recording(

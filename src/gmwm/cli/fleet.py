@@ -36,7 +36,7 @@ from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.applications.fleets import Fleet
-    from gmwm.applications.fleets.engine import Progress
+    from gmwm.base.reporting import Progress
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",

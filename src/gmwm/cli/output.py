@@ -19,6 +19,7 @@ from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.base.extras import is_installed, missing
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST_REMARKS
+from gmwm.base.reporting import warn
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -272,7 +273,7 @@ def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
 
 def tell(remark: Remark) -> None:
     """Add a remark to the warnings of the command. `collect_warnings` prints it."""
-    warnings.warn(GmwmWarning(remark), stacklevel=2)
+    warn(GmwmWarning(remark), stacklevel=2)
 
 
 def one_line(text: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
@@ -13,6 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmWarning, OptionError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.reporting import warn
 from gmwm.base.template import join_names
 from gmwm.base.text import moment
 from gmwm.base.time_base import TimeBase
@@ -197,7 +197,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
         remark = Remark.of("cut", case="stop", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
-        warnings.warn(GmwmWarning(remark), stacklevel=3)
+        warn(GmwmWarning(remark), stacklevel=3)
 
 
 def _check(pair: tuple[float, float]) -> tuple[float, float]:

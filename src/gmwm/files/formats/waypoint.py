@@ -6,7 +6,6 @@ bytes, so the user names the type: `format="imu:LN200"`.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,6 +17,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import GmwmWarning, ReadError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.reporting import warn
 from gmwm.base.text import counted
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
@@ -179,7 +179,7 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
             "record-type-doubtful", str(path), type=name, gravity=gravity, better=decided, formats=_formats(better)
         )
         remarks.append(doubtful)
-        warnings.warn(GmwmWarning(doubtful), stacklevel=2)
+        warn(GmwmWarning(doubtful), stacklevel=2)
     for sensor, factor, unit in (("gyro", kind.gyro, "rad"), ("accel", kind.accel, "m/s")):
         remarks.append(
             Remark.of("unit-named", sensor, case="factor", factor=factor, unit=unit, source="format", type=name)

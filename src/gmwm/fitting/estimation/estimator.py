@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, cast, overload
 
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import as_vector
 from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
+from gmwm.base.reporting import warn
 from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.problem import pose
@@ -198,7 +198,7 @@ def fit(
     chosen = usual_weighting(terms, wv) if weighting is None else weighting
     result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:
-        warnings.warn(FitWarning(remark), stacklevel=2)
+        warn(FitWarning(remark), stacklevel=2)
     return result
 
 

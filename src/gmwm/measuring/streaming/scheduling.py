@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import tempfile
-import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.errors import GmwmError, GmwmWarning, OptionError
 from gmwm.base.extras import library
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import warn
 from gmwm.base.threads import processors
 
 if TYPE_CHECKING:
@@ -102,5 +102,5 @@ def _client(distributed: Any, address: object) -> Any:
             advice="Start one with `dask scheduler`, workers with `dask worker ADDRESS`, or leave {--scheduler} out.",
         ) from error
     if not client.scheduler_info(n_workers=-1)["workers"]:
-        warnings.warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
+        warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
     return client
