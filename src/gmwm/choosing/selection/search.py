@@ -69,6 +69,8 @@ the relative standard error at the first levels is 0.2 % for 10^6 samples (tests
 MOST_FREE = 1
 """Number of the strongest lines whose power is fitted. The power of other lines is fixed at the value from the
 spectrum."""
+MOST_OSCILLATORS = 8
+"""Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape."""
 MEMORY = 2000.0
 """An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
 frequencies."""
@@ -406,7 +408,7 @@ def _peaks(
         if resonance is not None and CRITICAL < resonance.quality < SHARPEST:
             process = OSC(*map(Fixed, resonance))
         (oscillators if isinstance(process, OSC) else sinusoids).append((share, process))
-    return (*_strongest(sinusoids), *_strongest(oscillators))
+    return (*_strongest(sinusoids), *list(_strongest(oscillators))[:MOST_OSCILLATORS])
 
 
 def _of_peak(peak: Line | Bump) -> Process:
