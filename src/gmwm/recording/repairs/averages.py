@@ -30,10 +30,10 @@ _LARGEST = 64
 """Largest number of samples that are averaged."""
 
 
-def averaged_samples(batch: Batch) -> int:
-    """Return the number of samples to average so that the noise is not far below the rate; 1 for a usual recording. All
-    axes must have passed a steep filter."""
-    return min(_of_axis(signal) for signal in batch.signals.values())
+def averaged_samples(batch: Batch) -> dict[str, int]:
+    """Return for each axis the number of samples to average so that the noise is not far below the rate; 1 for an axis
+    that has not passed a steep filter."""
+    return {axis: _of_axis(signal) for axis, signal in batch.signals.items()}
 
 
 def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:

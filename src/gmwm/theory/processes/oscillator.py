@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import exponential
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import WHITE
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_lags
 from gmwm.theory.statespace import StateSpace
@@ -24,7 +23,7 @@ from gmwm.theory.statespace import StateSpace
 CRITICAL, SHARPEST = 0.5, 1e9
 """Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
 periods cannot distinguish larger ones from a sinusoid."""
-PERIODIC = 2.0
+PERIODIC_QUALITY = 2.0
 """Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
 that at the peak."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -124,7 +123,7 @@ class OSC(Process):
         # At Q = ½ the two exponentials coincide. This changes the autocovariance by 1e-6 there.
         turn = max(turn, 1e-3 * damping)
         decay, cycle = damping / as_rate(rate), math.fmod(turn / rate, 2.0 * math.pi)
-        if decay > WHITE:
+        if decay > NEGLIGIBLE_EXPONENT:
             return ExponentialSum(white=self.scale)
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
@@ -164,8 +163,8 @@ class OSC(Process):
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
     def oscillation(self) -> float | None:
-        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC`."""
-        return self.value("frequency") if self.value("quality") >= PERIODIC else None
+        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC_QUALITY`."""
+        return self.value("frequency") if self.value("quality") >= PERIODIC_QUALITY else None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark on an oscillation with a period above 3 s, which N and K for a horizon of 1 s leave out."""
