@@ -71,7 +71,13 @@ class Forecasts(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Evaluation(Summarised):
-    """Predictions of several models, the one with the best score first, as `forecasts` by structure of the model."""
+    """Predictions of several models out of sample.
+
+    Attributes
+    ----------
+    forecasts : mapping of structure to Forecasts
+        Predictions of each model, the one with the best score first.
+    """
 
     forecasts: Mapping[str, Forecasts]
 
