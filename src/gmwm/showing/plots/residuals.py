@@ -24,7 +24,7 @@ from gmwm.showing.plots.figure import PAGE, Band, Figure, Mark, Panel, Polyline,
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
 from gmwm.showing.plots.series import DOTS_OF_MM
-from gmwm.showing.plots.style import BLACK, BLUE, GREY, ORANGE, VERMILLION
+from gmwm.showing.plots.style import BLACK, BLUE, GREY, VERMILLION
 from gmwm.showing.plots.trace import even_trace, lone_dots
 from gmwm.theory.processes.model import as_model
 
@@ -39,7 +39,7 @@ EXPECTED = Stroke(BLACK, 0.8)
 
 LINE = Stroke(BLUE, 0.5)
 LIMIT = Stroke(VERMILLION, 0.9)
-ROBUST = Stroke(ORANGE, 0.0, symbol="square")
+ROBUST = Stroke(BLACK, 0.0, symbol="cross")
 
 
 def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
