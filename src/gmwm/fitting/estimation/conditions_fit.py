@@ -164,9 +164,7 @@ class ConditionsFit(Summarised, Plotted):
         for name, estimate in self.estimates.items():
             low, high = estimate.interval()
             interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
-            rows.append(
-                (name, f"{estimate.value:.4g}", f"acts as {estimate.acts_as}" if estimate.acts_as else interval)
-            )
+            rows.append((name, f"{estimate.value:.4g}", f"like {estimate.acts_as}" if estimate.acts_as else interval))
         lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
