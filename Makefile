@@ -118,7 +118,7 @@ $(VENV)/.created:
 
 $(VENV)/.package: $(BUILT_FROM) | $(VENV)/.created
 	@echo "installing gmwm into $(VENV) (builds the C++ kernels; the first time this takes a minute)"
-	@$(PIP) --editable .
+	@$(PIP) --editable '.[all]'
 	@touch $@
 
 # The package with the development tools.

@@ -18,7 +18,7 @@ import gmwm
 from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.server import LOADED, open_path, running
 from gmwm.applications.app.session import Session
-from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.errors import MissingDependencyError, OptionError, ReadError
 from tests.helpers import raises
 
 pytest.importorskip("dash", reason="needs Dash: pip install '.[app]'")
@@ -162,7 +162,7 @@ def test_what_a_path_opens(folder, tmp_path):
 
 def test_without_the_extra_it_says_what_to_install(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "dash", None)
-    with raises(OptionError, advises=["pip install 'gmwm[app]'"]), running(folder):
+    with raises(MissingDependencyError, advises=['pip install "gmwm[app]"']), running(folder):
         pytest.fail("it runs")
 
 

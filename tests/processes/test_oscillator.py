@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm.theory.processes import GM, OSC, SIN
 from gmwm.theory.processes.exponential_sum import lag_sums
-from gmwm.theory.processes.oscillator import PERIODIC
+from gmwm.theory.processes.oscillator import PERIODIC_QUALITY
 from tests.helpers import codes
 
 RATE = 100.0
@@ -66,7 +66,7 @@ def test_the_exponentials_are_the_autocovariance_also_above_half_the_rate(freque
     np.testing.assert_allclose(sums, process.autocovariance(k, RATE), rtol=1e-9, atol=1e-11)
 
 
-@pytest.mark.parametrize(("quality", "frequency"), [(PERIODIC * 0.99, None), (PERIODIC * 1.01, 0.2)])
+@pytest.mark.parametrize(("quality", "frequency"), [(PERIODIC_QUALITY * 0.99, None), (PERIODIC_QUALITY * 1.01, 0.2)])
 def test_from_a_quality_of_two_on_it_is_an_oscillation(quality, frequency):
     assert OSC(frequency=0.2, quality=quality, sigma2=1.0).oscillation() == frequency
 

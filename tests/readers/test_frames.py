@@ -58,7 +58,7 @@ class DataArray:
 
     def __init__(self, values, dims, coords, name=None):
         self.values, self.dims, self.name, self.ndim = np.asarray(values), dims, name, np.ndim(values)
-        self.coords = coords
+        self.coords, self.attrs = coords, {}
 
 
 class Dataset:

@@ -23,9 +23,9 @@ LINES = [f"{k / 100:.2f},{x},{y}\n" for k, (x, y) in enumerate(VALUES.tolist())]
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(interpretation, "HEAD", 1000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 1000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 20_000)
-    monkeypatch.setattr(parquet, "ROWS", 700)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 700)
 
 
 def saved(tmp_path, lines, header=HEADER):

@@ -121,12 +121,32 @@ def test_words_that_wrapped_around_are_moved_back():
     assert "fault-undone:wrapped" in _codes(part)
 
 
-def test_outliers_of_any_size_are_not_wraps():
-    rng = np.random.default_rng(7)
+@pytest.mark.parametrize("bits", [14, 16, 24])
+@pytest.mark.parametrize("end", [-3.0, 0.0, 3.0, "ramp"])
+def test_wraps_are_found_at_any_share(bits, end):
+    rng, n = np.random.default_rng(bits), 20_000
+    course = np.linspace(-20, 20, n) if end == "ramp" else end
+    counts = np.round(5 * (rng.normal(size=n) + course)).astype(int)
+    modulus, middle = modulus_of(((counts + 2**bits) % 2**bits) * 1e-4)
+    assert modulus == pytest.approx(2**bits * 1e-4)
+    assert min(abs(middle), abs(middle - modulus)) < 0.02
+
+
+@pytest.mark.parametrize("kind", ["random", "equal", "power", "bit"])
+def test_outliers_are_not_wraps(kind):
+    rng, n = np.random.default_rng(7), 5_000
     for _ in range(50):
-        x = np.round(_noise(int(rng.integers(1000)), 5_000) / 1e-4) * 1e-4
-        x[rng.integers(x.size, size=5)] += np.round(rng.uniform(0.05, 5.0, 5) / 1e-4) * 1e-4
-        assert modulus_of(x) is None
+        counts = np.round(1e4 * _noise(int(rng.integers(1000)), n) + 100).astype(int)
+        at = rng.choice(n, size=60, replace=False)
+        if kind == "bit":
+            counts[at] ^= 1 << int(rng.integers(9, 15))
+        else:
+            counts[at] += {
+                "random": rng.integers(500, 50_000, 60),
+                "equal": rng.integers(500, 50_000) + rng.integers(-20, 20, 60),
+                "power": 2 ** rng.integers(9, 15),
+            }[kind]
+        assert modulus_of(counts * 1e-4) is None
 
 
 def test_a_filtered_coarse_output_does_not_repeat():

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.text import TEXT_WIDTH, round_text
-from gmwm.fitting.inference.planning import SEEN
+from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def number(entry: Entry) -> str:
     if entry.upper_only:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{round_text(high, 3)}"
     half = (high - low) / 2
-    if half > SEEN * abs(value):
+    if half > CERTAIN_ERROR * abs(value):
         return f"{round_text(low)} … {round_text(high)}"
     return f"{round_text(value, 3)} ± {round_text(100 * half / abs(value))} %" if value else round_text(value, 3)
 

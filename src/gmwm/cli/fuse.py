@@ -87,7 +87,7 @@ def fuse(
     tell_inspection(next(iter(units.values())))
     with progress("measuring"):
         virtual = fuse(units, horizon=seconds, model=model, nonnegative=nonnegative)
-    new = [] if csv is None else [text_file(csv, virtual.to_frame().write_csv())]
+    new = [] if csv is None else [text_file(csv, virtual.to_polars().write_csv())]
     if apply and output is None:
         raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])
     if output is not None:

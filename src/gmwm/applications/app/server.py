@@ -23,6 +23,7 @@ from gmwm.applications.app.door import LARGEST_CALLBACK, ForgedRequestError, req
 from gmwm.applications.app.folders import LARGEST_DROP, Folders, too_large
 from gmwm.applications.app.session import Session
 from gmwm.base.errors import GmwmWarning, OptionError, ReadError
+from gmwm.base.extras import library
 
 HOST = "127.0.0.1"
 LOADED = (
@@ -30,7 +31,7 @@ LOADED = (
 )  # fmt: skip
 """Modules that gmwm imports when it needs them. They are imported before the server starts, because SciPy cannot be
 imported by several threads at once (tests/app/test_server.py)."""
-CHECK = 0.2
+SIGNAL_CHECK_S = 0.2
 """Time (s) between two checks for signals such as Ctrl-C."""
 
 
@@ -58,17 +59,15 @@ def serve(path: Path, *, port: int = 0, browser: bool = True, tell: Callable[[st
             webbrowser.open(server.url)
         while True:
             # Polars installs its own handler for Ctrl-C. With it, Ctrl-C would not interrupt an unlimited wait.
-            time.sleep(CHECK)
+            time.sleep(SIGNAL_CHECK_S)
 
 
 @contextmanager
 def running(path: Path, *, port: int = 0) -> Iterator[Served]:
     """Run the server in a thread while the block runs. Then cancel all jobs and remove the temporary folder."""
-    try:
-        import dash  # noqa: F401
-        from werkzeug.serving import make_server
-    except ImportError as error:
-        raise OptionError("gmwm app needs Dash", advice="Install it: `pip install 'gmwm[app]'`.") from error
+    library("dash")
+    from werkzeug.serving import make_server
+
     for name in LOADED:
         import_module(name)
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
@@ -81,7 +80,7 @@ def running(path: Path, *, port: int = 0) -> Iterator[Served]:
         host = f"{HOST}:{server.server_port}"
         server.app = application(desk, host=host, token=token)
         server.daemon_threads = True
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": CHECK}, daemon=True)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": SIGNAL_CHECK_S}, daemon=True)
         thread.start()
         try:
             yield Served(f"http://{host}/{token}/", folders)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gmwm.base.errors import GmwmError, OptionError, ReadError
 from gmwm.base.kinds import Document, require_kinds
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.choosing.datasheets.effective import HORIZON
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.recording.options import ReadOptions, one_of
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.reduction import Rule
@@ -92,7 +92,7 @@ class Session:
     units: UnitSystem = "datasheet"
     rule: Rule | None = None
     inflation: float = 1.0
-    horizon: float = HORIZON
+    horizon: float = DEFAULT_HORIZON_S
     export: str = "kalibr"
     reference: Mapping[str, str] = field(default_factory=dict)
     duration: float = 60.0

@@ -25,7 +25,7 @@ from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 
-SPARE = 2.0
+SPARE_FREEDOM = 2.0
 """Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 
 
@@ -211,12 +211,12 @@ def _optimism(measured: WaveletMatrices, variance: Vector, shares: Vector, d: in
     parts = shares * curve / (shares @ curve)
     scatter = float(parts @ relative @ parts)
     eta = 2 / scatter
-    if eta < d + SPARE:
-        fitting = measured.tau[2 / np.diag(relative) >= d + SPARE]
+    if eta < d + SPARE_FREEDOM:
+        fitting = measured.tau[2 / np.diag(relative) >= d + SPARE_FREEDOM]
         longest = f"of at most {duration_text(fitting[-1])}" if fitting.size else ""
         raise OptionError(
-            f"weights of {d} sensors need {d + SPARE:g} degrees of freedom at the scale of the horizon; the recording "
-            f"has {eta:.1f}",
+            f"weights of {d} sensors need {d + SPARE_FREEDOM:g} degrees of freedom at the scale of the horizon; the "
+            f"recording has {eta:.1f}",
             argument="horizon",
             advice="Use a horizon {longest}, or a longer recording." if longest else "Use a longer recording.",
             longest=longest,

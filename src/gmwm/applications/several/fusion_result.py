@@ -14,6 +14,7 @@ from gmwm.applications.several.sensor_array import like_axes
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.text import Summarised, duration_text, table_with_rule
@@ -130,7 +131,7 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised, Plotted):
+class VirtualSensor(Summarised, Plotted, Tabular):
     """A virtual sensor that fuses an array of sensors of the same type.
 
     `virtual["gyro_x"]` returns one of its axes.
@@ -206,7 +207,7 @@ class VirtualSensor(Summarised, Plotted):
         """Return the fields as plain numbers, lists and strings."""
         return plain_fields(self, "horizon axes remarks")
 
-    def to_frame(self) -> DataFrame:
+    def to_polars(self) -> DataFrame:
         """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
         from polars import DataFrame, concat
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Pinned by tests/readers/test_growing.py.
 
-KEPT = 4096
+STAMPS_AGAIN = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
 _ROWS_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
 
@@ -99,7 +99,7 @@ class Pace:
     @property
     def behind(self) -> int:
         """Number of later rows that are needed to decide whether a row begins a segment."""
-        return min(_ROWS_BEHIND + 4 * self.width, KEPT)
+        return min(_ROWS_BEHIND + 4 * self.width, STAMPS_AGAIN)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
         """Convert time stamps of the file to ticks from the first time stamp."""
@@ -228,7 +228,7 @@ class RunningClock:
         if self._stop == 0 < stop:
             firsts, starts = [0, *firsts], [pace.time(0.0), *starts]
         self._stop = stop
-        dropped = max(0, stop - KEPT - base)
+        dropped = max(0, stop - STAMPS_AGAIN - base)
         self._window, self._base = window[dropped:], base + dropped
         return KnownSegments(stop, tuple(firsts), tuple(starts))
 

@@ -40,7 +40,7 @@ from gmwm.recording.signals import MINIMUM_SAMPLES
 
 T = TypeVar("T")
 
-HEAD = 1 << 18
+HEAD_ROWS = 1 << 18
 """Rows from which the units of accelerometers and time stamps are inferred: 44 min at 100 Hz. It is a choice."""
 TEMPERATURE = "temperature"
 
@@ -87,8 +87,8 @@ def understand(
     layout: Layout, choice: ColumnChoice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
     """Find the working axes, the units and the clock of a recording. `rows` are all rows of a recording in memory, or
-    its first `HEAD`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left out,
-    because a few rows do not show whether it works."""
+    its first `HEAD_ROWS`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left
+    out, because a few rows do not show whether it works."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
     axes = tuple(axis for axis in choice.axes if axis not in constants)
@@ -157,7 +157,7 @@ def _sparse(rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSo
     other axes. If the first rows have all values, `TimeColumn` finds such axes."""
     counts = values_of_axes([rows], choice.columns, axes)
     size = next(iter(rows.values())).size
-    if size >= HEAD and ("time" not in choice.columns or min(counts.values()) < size):
+    if size >= HEAD_ROWS and ("time" not in choice.columns or min(counts.values()) < size):
         counts = values_of_axes(source.chunks([choice.columns[axis] for axis in axes]), choice.columns, axes)
     return _apart(counts)
 
@@ -188,7 +188,7 @@ def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *
     columns = dict(choice.columns)
     if not temperature:
         columns.pop(TEMPERATURE, None)
-    sparse = temperature and is_missing(rows[columns[TEMPERATURE]][:HEAD]) is not None
+    sparse = temperature and is_missing(rows[columns[TEMPERATURE]][:HEAD_ROWS]) is not None
     if column is not None and column.alone and not sparse:
         del columns["time"]
     return ColumnChoice(columns, choice.remarks)
@@ -199,7 +199,7 @@ def _first_samples(
 ) -> dict[str, Vector]:
     """Return the values of each axis in the first rows, without rows that lack one of `axes`; if these are all of the
     first rows, the values of the first 4096 rows after them."""
-    first = _complete({k: column[:HEAD] for k, column in rows.items()}, choice, axes)
+    first = _complete({k: column[:HEAD_ROWS] for k, column in rows.items()}, choice, axes)
     if source is None or next(iter(first.values())).size:
         return first
     parts: list[dict[str, Vector]] = []
@@ -220,7 +220,7 @@ def _dead(rows: Rows, choice: ColumnChoice, source: RowSource) -> dict[str, tupl
     """Return the axes that are constant over all rows of a recording, with their value and the number of rows."""
     columns, size = choice.columns, next(iter(rows.values())).size
     constants = {axis: (value, size) for axis, value in dead_axes(rows, columns, choice.axes).items()}
-    if not constants or size < HEAD:
+    if not constants or size < HEAD_ROWS:
         return constants
     count = 0
     for chunk in source.chunks([columns[axis] for axis in constants]):
@@ -238,7 +238,7 @@ def _dead(rows: Rows, choice: ColumnChoice, source: RowSource) -> dict[str, tupl
 
 def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
     """Return the first temperature of a recording; None if there is none."""
-    blocks = [rows] if source is None or rows[column].size < HEAD else source.chunks([column])
+    blocks = [rows] if source is None or rows[column].size < HEAD_ROWS else source.chunks([column])
     for block in blocks:
         missing = is_missing(block[column])
         readings = block[column] if missing is None else block[column][~missing]

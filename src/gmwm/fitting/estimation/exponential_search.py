@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Place, ShapeGrid
+from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
 from gmwm.fitting.estimation.branch_and_bound import (
     LIMITS,
     WIDTHS,
@@ -64,7 +64,7 @@ def search_of(problem: Problem) -> Search:
 def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
-        grid.middle_values, SAFETY, NEIGHBOURS,
+        grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS,
     )  # fmt: skip
 
 

@@ -32,9 +32,9 @@ from gmwm.theory.processes.model import Model
 
 REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
-FIXED = 1e-11
+FIXED_POINT_TOLERANCE = 1e-11
 """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
-PRIOR = 1000.0
+CURVE_FREEDOM = 1000.0
 """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
 Without the average, a level at which the model is far below the data would have a large weight. The average causes a
@@ -42,11 +42,11 @@ relative bias of a level of at most 4 / (η + 1000), which is small compared wit
 the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
 coverage of their intervals.
 """
-MIXED = 5
+MIXED_ITERATIONS = 5
 """Largest number of previous iterations that are combined into the next one."""
-CUTOFF = 1e-6
+SINGULAR_CUTOFF = 1e-6
 """Relative singular value below which a direction of the combination counts as zero."""
-FAR = 0.7
+LONGEST_MIXED_STEP = 0.7
 """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
 
 
@@ -70,7 +70,7 @@ def settle(
     *,
     certify: bool,
     start: Model | None = None,
-    fixed: float = FIXED,
+    fixed: float = FIXED_POINT_TOLERANCE,
     first: First | None = None,
     search: bool = True,
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
@@ -131,11 +131,14 @@ def _iterate(
     """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge."""
     # Iterations in which the change must fall to a half; otherwise two estimates probably alternate.
     patience = 12
-    # Largest number of iterations, enough for `FIXED` although a weak drift only halves the change each time.
+    # Largest number of iterations, enough for `FIXED_POINT_TOLERANCE` although a weak drift only halves the change.
     rounds = 60
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
-        options = np.array([PRIOR, fixed, FAR, CUTOFF, rounds, patience, MIXED], dtype=np.float64)
+        options = np.array(
+            [CURVE_FREEDOM, fixed, LONGEST_MIXED_STEP, SINGULAR_CUTOFF, rounds, patience, MIXED_ITERATIONS],
+            dtype=np.float64,
+        )
         result = reweight(search, solution, design.for_weights, options)
         if result is not None:
             best, weights, change, expected = result
@@ -217,10 +220,10 @@ class _Ahead:
         self.given = logarithms
         if len(self.pairs) < 2:
             return model
-        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
+        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED_ITERATIONS:], strict=True))
         residuals = outputs - inputs
-        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=CUTOFF)
-        reach = np.clip(-share @ np.diff(outputs, axis=0), -FAR, FAR)
+        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=SINGULAR_CUTOFF)
+        reach = np.clip(-share @ np.diff(outputs, axis=0), -LONGEST_MIXED_STEP, LONGEST_MIXED_STEP)
         moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(logarithms, reach, strict=True)}
         try:
             extrapolation = model.with_values(moved)
@@ -273,7 +276,7 @@ def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vecto
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         freedom = design.degrees_of_freedom
         if np.all(curve > 0):
-            return np.asarray((freedom * observed / curve + PRIOR) / (freedom + PRIOR))
+            return np.asarray((freedom * observed / curve + CURVE_FREEDOM) / (freedom + CURVE_FREEDOM))
     return np.ones(design.levels.size)
 
 

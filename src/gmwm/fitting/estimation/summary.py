@@ -227,7 +227,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     _, words = test_in_words(fit, how)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
-        f"{wv.extent}, {len(wv)} levels, "
+        f"{wv.extent}, {wv.levels_text}, "
         f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
         f"objective {fit.objective:.6g}: {certificate}",
         *([f"objective with any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),

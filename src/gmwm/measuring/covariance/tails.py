@@ -23,7 +23,7 @@ import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.variance.open_segments import LEAST, Panels
+from gmwm.measuring.variance.open_segments import LEAST_PANEL_SAMPLES, Panels
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
@@ -63,8 +63,8 @@ class TailSums:
     samples."""
 
     def __init__(self) -> None:
-        self._panels = Panels(LEAST)
-        sizes = int(np.log2(LEAST // LIMITS.block)) + 1
+        self._panels = Panels(LEAST_PANEL_SAMPLES)
+        sizes = int(np.log2(LEAST_PANEL_SAMPLES // LIMITS.block)) + 1
         # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
         self._number = np.zeros((sizes, LIMITS.most_levels))
         self._sum = np.zeros((sizes, LIMITS.most_levels))
@@ -115,7 +115,7 @@ class TailSums:
         if levels < 1 or count < 1:
             return
         y = _block_means(panel, levels, count)
-        if count == (LEAST - (1 << LIMITS.most_levels)) // LIMITS.block:
+        if count == (LEAST_PANEL_SAMPLES - (1 << LIMITS.most_levels)) // LIMITS.block:
             self._whole.append(y.mean(axis=0))
         for size in range(self._sum.shape[0]):
             self._number[size, :levels] += y.shape[0]
@@ -140,7 +140,7 @@ class TailSums:
             covariance = self._product[size] / pairs - np.outer(own, own)
             out.append((LIMITS.block << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
         y = np.array(self._whole).reshape(-1, LIMITS.most_levels)
-        block = LEAST
+        block = LEAST_PANEL_SAMPLES
         while y.shape[0] >= LIMITS.least_blocks:
             out.append((block, np.full(LIMITS.most_levels, y.shape[0]), np.cov(y.T)))
             y, block = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2]), 2 * block

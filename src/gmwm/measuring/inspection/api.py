@@ -18,6 +18,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, find_unit
+from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.jumps import jumps_of
@@ -51,7 +52,7 @@ def inspect(
 
     Parameters
     ----------
-    recording : Imu or Stream
+    recording : Imu, Stream or data frame
         A recording in memory, or a stream. A stream is read twice in bounded memory, or once if it has at most 2.1
         million samples. It is read once more if the axes are regressed on conditions.
     against : "auto", "none", str or mapping
@@ -85,6 +86,7 @@ def inspect(
     >>> found.axes["gyro_x"].lsb, found.knocks[0].time
     (0.001, 30.0)
     """
+    recording = as_recording(recording)
     if not isinstance(recording, Imu | Streamed):
         raise _not_a_recording(recording)
     one_of(repeated, "repeated", ("auto", "keep"))

@@ -16,7 +16,7 @@ from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.coefficients import require_digits
-from gmwm.measuring.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
+from gmwm.measuring.variance.open_segments import EXACT_LEVELS, MOST_LEVELS, SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import RiseSums, ThinnedValues
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances
@@ -78,11 +78,11 @@ class WaveletAccumulator(SegmentedAccumulator):
     """
 
     def __init__(
-        self, rate: float, *, levels: int | None = None, exact: int = EXACT, start: int = 0, unit: str = "",
+        self, rate: float, *, levels: int | None = None, exact: int = EXACT_LEVELS, start: int = 0, unit: str = "",
         axis: str = "", robust: bool = False, held: int | None = None,
     ) -> None:  # fmt: skip
         collector = SKETCH_COLLECTOR if robust else None
-        super().__init__(DEEPEST if levels is None else levels, exact, start, collector, held=held)
+        super().__init__(MOST_LEVELS if levels is None else levels, exact, start, collector, held=held)
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
         self._thinned = ThinnedValues()
 

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
+from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS, CoefficientSource, PlainCoefficients
 
-TOLERANCE = 1e-11
+LOG_TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
-FEW = 2
+MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
@@ -94,7 +94,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
 
 def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
-    sample = source.sample(k, SAMPLE)
+    sample = source.sample(k, SAMPLED_COEFFICIENTS)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
     level = _RootSearch(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
@@ -103,7 +103,7 @@ def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
         level.zeros = source.between(k, resolution, resolution)[0] / count
     if level.zeros == 1:
         level.outcome = "zero"
-    elif count <= FEW:
+    elif count <= MEAN_SQUARE_COUNT:
         level.start, level.outcome = float(np.mean(sample**2)), "mean"
     else:
         _search(level, sample, resolution=resolution, complete=complete, tuning=tuning)
@@ -126,7 +126,7 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
     if not 0 < level.start < math.inf:
         return
     criterion = _on_sample(level, sample, tuning)
-    tolerance = TOLERANCE / 10 if complete else 1e-3
+    tolerance = LOG_TOLERANCE / 10 if complete else 1e-3
     root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
     if root is None:
         result = scan(criterion, tolerance)
@@ -174,7 +174,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
     place = np.array([level.place for level in levels])
     before: tuple[Vector, Vector, Vector] | None = None
     # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
-    fine = active & (source.counts / stride >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
+    fine = active & (source.counts / stride >= SAMPLED_COEFFICIENTS * 2.0 ** np.arange(1, len(levels) + 1))
     # Two or three passes are typical. `_settle` solves a level that has not converged.
     for number in range(-int(fine.any()), 8):
         if not active.any():
@@ -191,7 +191,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
         here = (place, value, slope)
         step, error = (step, 10 * step**2) if before is None else _interpolate(before, here, step)
         before, place = here, place + np.where(falls, step, 0.0)
-        done = falls & (error < TOLERANCE)
+        done = falls & (error < LOG_TOLERANCE)
         for k, level in enumerate(levels):
             if active[k]:
                 level.passes, level.place = number + 1, float(place[k])
@@ -224,10 +224,10 @@ def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biwei
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:
-        result = scan(criterion, TOLERANCE)
+        result = scan(criterion, LOG_TOLERANCE)
         root, level.passes = result.root, level.passes + result.evaluations
     for peak in level.peaks:
-        root, count = root_beyond(criterion, peak, TOLERANCE)
+        root, count = root_beyond(criterion, peak, LOG_TOLERANCE)
         level.passes += count
         if root is not None:
             break

@@ -22,14 +22,14 @@ from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
-from gmwm.showing.plots.series import DOTS
+from gmwm.showing.plots.series import DOTS_OF_MM
 from gmwm.showing.plots.style import BLACK, BLUE, GREY, VERMILLION
 from gmwm.showing.plots.trace import even_trace, lone_dots
 
 if TYPE_CHECKING:
     pass
 
-LEVEL = 0.95
+LIMIT_LEVEL = 0.95
 """Confidence level of the limits for white noise."""
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 EXPECTED = Stroke(BLACK, 0.8)
@@ -49,8 +49,8 @@ def time_panel(residuals: Residuals) -> Panel:
     """Return the panel of the residuals over time. If the model is right, the largest residual exceeds the limits in
     the panel with a probability of 5 %."""
     z = residuals.observed
-    largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
-    samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
+    largest = NormalDist().inv_cdf((1 + LIMIT_LEVEL ** (1 / z.size)) / 2)
+    samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS_OF_MM * PAGE))
     count = residuals.values.size
     x, size = elapsed_axis(0.0, (count - 1) / residuals.rate, count / residuals.rate)
     ends = min(samples.low, -largest), max(samples.high, largest)
@@ -60,7 +60,9 @@ def time_panel(residuals: Residuals) -> Panel:
     limits = np.array([largest, largest, math.nan, -largest, -largest])
     marks: list[Mark] = [Polyline(times, samples.y, stroke=LINE, layer=MIDDLE)]
     marks += lone_dots(times, samples.y, BLUE, MIDDLE)
-    marks.append(Polyline(across, limits, stroke=LIMIT, label=f"{percent(LEVEL)} limits of the largest", layer=FRONT))
+    marks.append(
+        Polyline(across, limits, stroke=LIMIT, label=f"{percent(LIMIT_LEVEL)} limits of the largest", layer=FRONT)
+    )
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
     mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
@@ -79,14 +81,14 @@ def quantile_panel(residuals: Residuals) -> Panel:
     y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
     normality = residuals.normality()
     marks = (
-        Band(normal, lower, upper, GREY, label=f"{percent(LEVEL)} limits of each point", layer=BAND),
+        Band(normal, lower, upper, GREY, label=f"{percent(LIMIT_LEVEL)} limits of each point", layer=BAND),
         Polyline(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
         Polyline(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
     return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
 
 
-def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
+def order_limits(normal: Vector, count: int, level: float = LIMIT_LEVEL) -> tuple[Vector, Vector]:
     """Return the lower and upper confidence limits (n,) of order statistics of a standard normal sample.
 
     For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
@@ -161,13 +163,13 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
     `error` (L,) is the standard deviation of each value for white noise."""
     lag = np.arange(1.0, r.size + 1)
-    limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * error
+    limit = NormalDist().inv_cdf((1 + LIMIT_LEVEL) / 2) * error
     far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
     x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
     y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
     ends = np.array(x.limits)
     stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
-    label = f"{percent(LEVEL)} limits of each point"
+    label = f"{percent(LIMIT_LEVEL)} limits of each point"
     # Each of at most 200 lags has a dot (tests/plots/test_plot_residuals.py).
     marks: list[Mark] = [
         Band(lag, -limit, limit, GREY, label=label, layer=BAND),

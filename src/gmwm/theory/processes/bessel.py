@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
-LARGEST = 50.0
+LARGEST_SMOOTHNESS = 50.0
 """Upper limit of ν; beyond it, the process is almost infinitely smooth."""
 _PAIRS = 24
 _POWERS = 52
@@ -44,7 +44,8 @@ class Matern:
 
 
 def matern(x: Vector, nu: float) -> Matern:
-    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν < `LARGEST`."""
+    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν <
+    `LARGEST_SMOOTHNESS`."""
     # Distance beyond which the correlation underflows, for any ν up to 50.
     underflow = 1200.0
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
@@ -132,7 +133,7 @@ def _relative_exponential(z: Numbers) -> Numbers:
     return np.asarray(np.where(near, small, np.expm1(far) / far))
 
 
-_LOG_FACTORIALS = np.array([math.lgamma(k + 1.0) for k in range(int(LARGEST) + _PAIRS + 1)])
+_LOG_FACTORIALS = np.array([math.lgamma(k + 1.0) for k in range(int(LARGEST_SMOOTHNESS) + _PAIRS + 1)])
 _INVERSE_FACTORIALS = np.array([1.0 / math.factorial(k + 1) for k in range(20, -1, -1)])
 
 
@@ -159,5 +160,5 @@ def _gamma_powers() -> Matrix:
     """Return the Taylor coefficients of ln Γ about 1, 2, …, highest order first."""
     from scipy.special import psi, zeta
 
-    a, m = np.arange(1.0, LARGEST + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)
+    a, m = np.arange(1.0, LARGEST_SMOOTHNESS + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)
     return np.concatenate([(-1.0) ** (m + 1) * zeta(m + 1, a) / (m + 1), psi(a)], axis=1)

@@ -252,6 +252,12 @@ class AR1(_Markov):
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute −φ^(l−1) (1 − φ)/(1 + φ)/4 (n, L) for innovation variance 1."""
+        phi = np.asarray(nonlinear)[:, :1]
+        return np.asarray(phi ** (lags - 1) * (phi - 1.0) / (1.0 + phi) / 4.0)
+
+    @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return the search branches φ = e^(−λ) and φ = −e^(−λ)."""
         # For φ → −1 the limit is a random walk of alternating sign, which gmwm does not include.
@@ -335,6 +341,12 @@ class GM(_Markov):
             return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
         slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
         return (slope / rate)[:, :, None]
+
+    @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute −φ^(l−1) (1 − φ)²/4 (n, L) for marginal variance 1, φ = e^(−βΔt)."""
+        decay = np.asarray(nonlinear)[:, :1] / rate
+        return np.asarray(-np.exp(-decay * (lags - 1)) * np.expm1(-decay) ** 2 / 4.0)
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:

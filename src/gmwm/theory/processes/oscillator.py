@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_rate
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
+from gmwm.theory.filters import HAAR, WaveletFilter
+from gmwm.theory.processes import exponential
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
@@ -21,7 +23,7 @@ from gmwm.theory.statespace import StateSpace
 CRITICAL, SHARPEST = 0.5, 1e9
 """Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
 periods cannot distinguish larger ones from a sinusoid."""
-PERIODIC = 2.0
+PERIODIC_QUALITY = 2.0
 """Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
 that at the peak."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -86,6 +88,15 @@ class OSC(Process):
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
         """Compute f₀ and Q (n, 2) at coordinates, which are complex for derivatives."""
         return np.asarray(np.exp(z) + np.array([0.0, CRITICAL]))
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """Compute the wavelet variances (n, J) for σ² = 1; for the Haar filter in closed form."""
+        natural, ratio = 2.0 * math.pi / as_rate(rate) * np.asarray(nonlinear)[:, 0], 0.5 / np.asarray(nonlinear)[:, 1]
+        turn = natural * np.sqrt((1.0 - ratio) * (1.0 + ratio))
+        if filter is not HAAR or np.any(turn < 1e-3 * natural):
+            return super().shape(nonlinear, levels, rate, filter)
+        return exponential.oscillation_shape(natural * ratio, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k)."""
@@ -152,8 +163,8 @@ class OSC(Process):
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
     def oscillation(self) -> float | None:
-        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC`."""
-        return self.value("frequency") if self.value("quality") >= PERIODIC else None
+        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC_QUALITY`."""
+        return self.value("frequency") if self.value("quality") >= PERIODIC_QUALITY else None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark on an oscillation with a period above 3 s, which N and K for a horizon of 1 s leave out."""

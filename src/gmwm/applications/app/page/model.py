@@ -9,7 +9,7 @@ from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual_figure
-from gmwm.applications.app.jobs import QUICK
+from gmwm.applications.app.jobs import SILENT_S
 from gmwm.applications.app.page.render import changes, draws, triggers
 from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
 from gmwm.applications.app.session import Session
@@ -159,7 +159,7 @@ def model_of(session: Session, workspace: Workspace) -> str:
     if axis in session.models:
         return session.models[axis]
     job = workspace.search(session, axis)
-    job.join(QUICK)
+    job.join(SILENT_S)
     return job.value.ranking.recommended.structure if job.state == "done" else ""
 
 
