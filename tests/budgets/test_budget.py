@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import gmwm
 from gmwm.applications.navigation import Budget, budget
 from gmwm.applications.navigation.response import EARTH_RADIUS_M, mean_squares, navigation
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.theory.processes import Model
 from tests.helpers import only, raises
 
@@ -226,6 +228,22 @@ def test_documents_frames_and_comparisons(fits):
         found.compare(budget({"gyro_x": "WN(sigma2=1e-6)"}, 30.0, rate=RATE))
     with raises(OptionError, argument="other"):
         found.compare(budget({"gyro_z": "WN(sigma2=1e-6)"}, 60.0, rate=RATE))
+
+
+def test_an_upper_limit_is_stated_everywhere_in_the_same_way(fits):
+    found = budget(fits, 60.0)
+    tilt = found["tilt_x"]
+    limit = replace(tilt, low=np.zeros_like(tilt.low), high=4 * tilt.error)
+    limited = replace(found, growths={"tilt_x": limit})
+    text = f"≤ {significant(4 * float(tilt.error[-1]), 3)}"
+    after, *_, growth = (line for line in limited.summary().splitlines() if text in line)
+    assert f"tilt {text} deg" in after
+    assert growth.split()[2:4] == text.split()
+    assert limited.summary().count(text) == 3
+    assert limit.to_dict()["upper_only"][-1]
+    frame = limited.to_frame()
+    assert (frame["upper_only"] == (frame["error"] == "tilt_x")).all()
+    assert not any(found["tilt_x"].to_dict()["upper_only"])
 
 
 @pytest.mark.parametrize(

@@ -149,7 +149,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         shown = np.flatnonzero(alike)
         points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
-        marks.append(Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
+        marks.append(
+            Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE, swatch=GREY)
+        )
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -171,11 +173,14 @@ def _dots(
     if len(units) > len(UNIT_SYMBOLS):
         dots = Stroke(colour, 0.0, symbol="circle")
         label = "Unit, with its confidence interval"
-        return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
+        return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE, swatch=GREY)]
     short = [_short(unit) for unit in units]
     names = short if len(set(short)) == len(short) else units
     return [
-        Polyline(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
+        Polyline(
+            across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]),
+            label=names[k], layer=MIDDLE, swatch=GREY,
+        )
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
 
@@ -234,10 +239,11 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
     texts: list[Text] = []
     for across, tall, unit in stars:
         low, high = y.limits
-        share = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
-        up = share + CLEAR if share + CLEAR < 1 - CLEAR / 2 else share - CLEAR
+        up = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
         half = LETTER * (len(_short(unit)) + 1) / 2
-        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0])))
+        # The dots of the strip have other heights, and the interval is at the star: the name is beside the star.
+        inward = -half if across > round(across) else half
+        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0]) + inward))
         clear = all(
             abs(up - text.y) > CLEAR or abs(side - text.x) > half + LETTER * len(text.text) / 2 for text in texts
         )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
@@ -55,9 +56,19 @@ class Growth(FrozenArrays):
         """Whether there is no interval, because the values of the model were given."""
         return bool(np.all(self.low == self.high))
 
+    @property
+    def upper_only(self) -> NDArray[np.bool_]:
+        """Mask (T,) of the times at which the error has only an upper limit, `high`."""
+        return np.asarray((self.low == 0) & (self.high > 0))
+
+    @property
+    def stated(self) -> Vector:
+        """The error (T,) that texts and tables state: `error`, or the upper limit if there is only one."""
+        return np.where(self.upper_only, self.high, self.error)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the error as plain values for JSON."""
-        return plain_fields(self, "title unit times error low high terms")
+        return plain_fields(self, "title unit times error low high upper_only terms")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -138,9 +149,11 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
         from polars import DataFrame
 
         rows = [
-            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high}
+            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high, "upper_only": upper}
             for name, growth in self.items()
-            for t, v, low, high in zip(growth.times, growth.error, growth.low, growth.high, strict=True)
+            for t, v, low, high, upper in zip(
+                growth.times, growth.error, growth.low, growth.high, growth.upper_only.tolist(), strict=True
+            )
         ]
         return DataFrame(rows, infer_schema_length=None)
 

@@ -75,7 +75,7 @@ class FileRows:
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
     def first(self, choice: ColumnChoice) -> Rows:
-        """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
+        """Return at least `HEAD_ROWS` rows of each column, or all rows of a shorter recording."""
         return first_rows(self.chunks(list(choice.columns.values())), choice)
 
     def limit(self, begin: int, end: int) -> FileRows:
@@ -120,7 +120,7 @@ class HeldRows:
 
 
 def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
-    """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
+    """Return at least `HEAD_ROWS` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
     for chunk in chunks:
         parts.append(chunk)

@@ -136,7 +136,7 @@ def _apply_slider(session: Session, axis: str, fit: Fit, relayout: dict[str, Any
     """Return the session after the handle of a term was dragged, with the term held at the new position."""
     for k, term in enumerate(movable(fit)):
         x, y = (relayout.get(f"shapes[{k}].{name}") for name in ("xanchor", "yanchor"))
-        if x is not None and y is not None:
+        if isinstance(x, int | float) and isinstance(y, int | float) and 1e-30 < min(x, y) <= max(x, y) < 1e30:
             process = axis_at(fit, term, (float(x), float(y)), session)
             return session.with_model(axis, replacing(fit, term, process))
     return session
