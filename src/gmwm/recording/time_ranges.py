@@ -165,7 +165,7 @@ def kept_ranges(
         if not begin < end:
             raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
     ranges = []
-    if not isinstance(skip, Sequence) or isinstance(skip, str):
+    if not isinstance(skip, Sequence):
         raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=skip)
     for pair in sorted(_check(pair) for pair in skip):
         if begin < min(pair[0], end):

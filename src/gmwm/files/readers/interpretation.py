@@ -157,7 +157,7 @@ def _sparse(rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSo
     other axes. If the first rows have all values, `TimeColumn` finds such axes."""
     counts = values_of_axes([rows], choice.columns, axes)
     size = next(iter(rows.values())).size
-    if size >= HEAD and ("time" not in choice.columns or min(counts.values()) < size):
+    if size >= HEAD_ROWS and ("time" not in choice.columns or min(counts.values()) < size):
         counts = values_of_axes(source.chunks([choice.columns[axis] for axis in axes]), choice.columns, axes)
     return _apart(counts)
 
