@@ -1,5 +1,6 @@
 """How Sphinx builds the site: `make docs`. Nothing here or in the pages asks the network, when built or when read."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ extensions = [
     "_site.pictures",
     "_site.docstrings",
     "_site.pages",
+    "_site.card",
 ]
 # README.md is the index for who reads these pages on GitHub; index.md is the site's.
 exclude_patterns = ["README.md", "_site", "**/.ipynb_checkpoints"]
@@ -52,6 +54,10 @@ toc_object_entries_show_parents = "hide"
 
 html_theme = "furo"
 html_title = f"gmwm {version}"
+html_logo = "_static/logo.svg"
+html_favicon = "_static/icon.svg"
+# Where the site is published. Cards of links need the whole address of their picture.
+html_baseurl = os.environ.get("GMWM_SITE", "")
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_js_files = [("site.js", {"defer": "defer"}), ("versions.js", {"defer": "defer"})]

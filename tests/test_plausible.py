@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gmwm.choosing.datasheets import Entry
-from gmwm.choosing.datasheets.limits import WIDEST, plausible
+from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, plausible
 
 RATE, SAMPLES = 100.0, 360_000
 DURATION = SAMPLES / RATE
@@ -17,10 +17,10 @@ def entry(unit, value, low, high, **more):
 
 @pytest.mark.parametrize("unit", ["rad/s/√Hz", "rad/s/√s", "rad/s", "m/s²"])
 def test_a_wide_interval_of_a_strength_is_a_limit(unit):
-    kept = entry(unit, 1.0, 0.4, 0.4 * WIDEST)
+    kept = entry(unit, 1.0, 0.4, 0.4 * WIDEST_INTERVAL)
     assert plausible(kept, RATE, SAMPLES) == kept
-    wide = plausible(entry(unit, 1.0, 0.4, 0.41 * WIDEST), RATE, SAMPLES)
-    assert (wide.low, wide.high, wide.upper_only) == (0.0, 0.41 * WIDEST, True)
+    wide = plausible(entry(unit, 1.0, 0.4, 0.41 * WIDEST_INTERVAL), RATE, SAMPLES)
+    assert (wide.low, wide.high, wide.upper_only) == (0.0, 0.41 * WIDEST_INTERVAL, True)
     assert wide.text("si").startswith("≤ ")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 SENTENCES = 3
 """Largest number of sentences on a page."""
-ROWS = 4
+ROWS = 3
 """Largest number of rows of the table on a page."""
 GOLDEN = (5**0.5 - 1) / 2
 
@@ -58,7 +58,6 @@ def _spread(rows: list[str]) -> list[str]:
 
 
 def _foot(study: ModuleType, result: Mapping[str, Any], rows: int) -> str:
-    made_with = ", ".join(f"{package} {number}" for package, number in result["versions"].items())
     reduced = "--reduced " if result["reduced"] else ""
     every = f"all {rows} rows" if rows > ROWS else "all tables"
-    return f"Seed {study.SEED}; {made_with}; `python -m validation {reduced}{study.NAME}`, `--tables` for {every}."
+    return f"Seed {study.SEED}; `python -m validation {reduced}{study.NAME}`, `--tables` for {every}."

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, smallest_error
-from gmwm.showing.exporters.two_states import LONGEST, POINTS, Curve, fit_states
+from gmwm.showing.exporters.two_states import LONGEST_AVERAGING_S, POINTS, Curve, fit_states
 
 NAME = "filter"
 SEED = 20261128
@@ -186,7 +186,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
         made = errors(signals, bandwidth)
         tried = np.array([errors(signals, bandwidth * factor) for factor in np.geomspace(0.05, 5.0, 25)])
         full = [smallest_error(processes, RATE, round(time * RATE)) for time in TIMES]
-        state = fit_states([_curve(text)], 1, 1.0, LONGEST)[0]
+        state = fit_states([_curve(text)], 1, 1.0, LONGEST_AVERAGING_S)[0]
         real, claims = with_state(signals, state.white, state.sigma[0], state.time[0]) if state.sigma else (made, made)
         best = np.minimum(tried.min(axis=0), made)
         rows.append(
@@ -202,7 +202,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
 
 
 def _curve(text: str) -> Curve:
-    clusters = np.unique(np.round(np.geomspace(1.0, LONGEST, POINTS) * RATE).astype(np.int64))
+    clusters = np.unique(np.round(np.geomspace(1.0, LONGEST_AVERAGING_S, POINTS) * RATE).astype(np.int64))
     return Curve(clusters, RATE, gmwm.Model.parse(text).allan_variance(clusters, RATE))
 
 

@@ -148,16 +148,16 @@ def run(reduced: bool = False) -> dict[str, Any]:
 
 def _compared(repeats: int) -> list[dict[str, Any]]:
     """Delays with other charts."""
-    noise, length, found = charts.NOISE, charts.BLOCKS, []
+    noise, length, found = charts.NOISE, charts.BLOCKS_OF_LEVEL, []
     try:
         for ratios, blocks in CHARTS:
             charts.NOISE = (*(("noise up", 1, ratio) for ratio in ratios), noise[-1])
-            charts.BLOCKS = blocks
+            charts.BLOCKS_OF_LEVEL = blocks
             charts.white_shape.cache_clear()
             rows = [_delay(list(FAULTS).index(name), name, repeats) for name in SLOWEST]
             found.append({"ratios": ratios, "blocks": blocks, "delays": [[r["median"], r["most"]] for r in rows]})
     finally:
-        charts.NOISE, charts.BLOCKS = noise, length
+        charts.NOISE, charts.BLOCKS_OF_LEVEL = noise, length
         charts.white_shape.cache_clear()
     return found
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from PIL import Image
 
 from docs import message_pages
-from docs.pictures import front, processes, valleys
+from docs.pictures import front, logo, processes, valleys
 
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent
@@ -29,6 +29,8 @@ PAGES = (
     DOCS / "howto" / "conditions.md",
     DOCS / "howto" / "contaminated.md",
     DOCS / "howto" / "recordings.md",
+    DOCS / "next" / "gnss-series.md",
+    DOCS / "next" / "consistency.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )
 BLOCK = re.compile(r"^```python\n(?P<code>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?", re.MULTILINE | re.DOTALL)
@@ -78,7 +80,7 @@ def moved(file: Path) -> Path:
 
 def main(names: list[str]) -> int:
     """Those whose names are given, or all; 1 if a picture is too large or written twice."""
-    scripts = {"front": front, "each-process": processes, "valleys": valleys}
+    scripts = {"logo": logo, "front": front, "each-process": processes, "valleys": valleys}
     makers = {name: lambda script=script: script.write(FOLDER) for name, script in scripts.items()}
     makers["messages"] = message_pages.write
     makers |= {page.stem: lambda page=page: run(page) for page in PAGES}

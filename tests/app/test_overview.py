@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.app.overview import COLUMNS, Overview, overview, shown_times
+from gmwm.applications.app.overview import SCREEN_COLUMNS, Overview, overview, shown_times
 from gmwm.recording.chunks import Chunk
 
 
@@ -16,7 +16,7 @@ def test_it_has_the_extremes_of_the_recording_wherever_it_is_cut(tmp_path, size)
     done = []
     found = overview(gmwm.stream(path, chunk=size), done.append)
     assert done[-1] == 50_000
-    assert len(found) <= 2 * COLUMNS
+    assert len(found) <= 2 * SCREEN_COLUMNS
     for axis in imu:
         values, shown = imu[axis].values, found[axis].values
         width = round(2 * imu.rate / found.rate)
@@ -43,7 +43,7 @@ def test_its_memory_does_not_depend_on_the_length():
     for k in range(200):
         found.update(Chunk({"gyro_x": np.full(10_000, float(k))}, first=10_000 * k, segment=0, start=100.0 * k))
     shape = found.least.shape
-    assert shape == (1, COLUMNS)
+    assert shape == (1, SCREEN_COLUMNS)
     values = found.result("a.csv")["gyro_x"].values
     assert (values.min(), values.max()) == (0.0, 199.0)
 

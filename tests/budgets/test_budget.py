@@ -2,14 +2,16 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gmwm
 from gmwm.applications.navigation import Budget, budget
-from gmwm.applications.navigation.response import RADIUS, mean_squares, navigation
+from gmwm.applications.navigation.response import EARTH_RADIUS_M, mean_squares, navigation
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.theory.processes import Model
 from tests.helpers import only, raises
 
@@ -92,10 +94,10 @@ def test_a_drift_and_a_line():
 
 
 def test_the_schuler_oscillation_bounds_a_constant_accelerometer_bias():
-    half = math.pi * math.sqrt(RADIUS / G)
+    half = math.pi * math.sqrt(EARTH_RADIUS_M / G)
     found = budget({"accel_x": "GM(beta=1e-9, sigma2=1e-6)"}, half, rate=1.0, rest=0.0)["position_x"]
     # p = (b/ω²)(1 − cos ωt): twice b R/g after half a period of 84 minutes, nearly half of a parabola at its quarter.
-    assert found.error[-1] == pytest.approx(2 * 1e-3 * RADIUS / G, rel=0.02)
+    assert found.error[-1] == pytest.approx(2 * 1e-3 * EARTH_RADIUS_M / G, rel=0.02)
 
 
 def test_flicker_noise_starts_at_zero_or_is_old():
@@ -138,9 +140,9 @@ def test_simulated_channels_have_the_errors_of_the_budget(rest):
     theta = -accel[:, : rest * 20].mean(axis=1) / G if rest else np.zeros(runs)
     v, p = np.zeros(runs), np.zeros(runs)
     for k in range(rest * 20, gyro.shape[1]):
-        middle = theta + (gyro[:, k] - bias - v / RADIUS) / rate / 2
+        middle = theta + (gyro[:, k] - bias - v / EARTH_RADIUS_M) / rate / 2
         rise = G * np.sin(middle) + accel[:, k] * np.cos(middle)
-        theta += (gyro[:, k] - bias - v / RADIUS) / rate
+        theta += (gyro[:, k] - bias - v / EARTH_RADIUS_M) / rate
         p += v / rate + rise / rate**2 / 2
         v += rise / rate
     noise = {"gyro_y": "GM(beta=0.05, sigma2=1e-8) + WN(sigma2=1e-8)", "accel_x": "RW(gamma2=1e-10) + WN(sigma2=1e-4)"}
@@ -218,7 +220,7 @@ def test_documents_frames_and_comparisons(fits):
     content = json.loads(json.dumps(found.to_dict()))
     assert content["growth"]["tilt_x"]["unit"] == "deg"
     assert content["growth"]["tilt_x"]["error"] == found["tilt_x"].error.tolist()
-    assert found.to_frame().height == found.times.size * len(found)
+    assert found.to_polars().height == found.times.size * len(found)
     text = found.compare(other, ("unit", "datasheet"))
     assert "tilt about x" in text
     assert f"{other['tilt_x'].error[-1] / found['tilt_x'].error[-1]:.2f}" in text
@@ -226,6 +228,22 @@ def test_documents_frames_and_comparisons(fits):
         found.compare(budget({"gyro_x": "WN(sigma2=1e-6)"}, 30.0, rate=RATE))
     with raises(OptionError, argument="other"):
         found.compare(budget({"gyro_z": "WN(sigma2=1e-6)"}, 60.0, rate=RATE))
+
+
+def test_an_upper_limit_is_stated_everywhere_in_the_same_way(fits):
+    found = budget(fits, 60.0)
+    tilt = found["tilt_x"]
+    limit = replace(tilt, low=np.zeros_like(tilt.low), high=4 * tilt.error)
+    limited = replace(found, growths={"tilt_x": limit})
+    text = f"≤ {significant(4 * float(tilt.error[-1]), 3)}"
+    after, *_, growth = (line for line in limited.summary().splitlines() if text in line)
+    assert f"tilt {text} deg" in after
+    assert growth.split()[2:4] == text.split()
+    assert limited.summary().count(text) == 3
+    assert limit.to_dict()["upper_only"][-1]
+    frame = limited.to_frame()
+    assert (frame["upper_only"] == (frame["error"] == "tilt_x")).all()
+    assert not any(found["tilt_x"].to_dict()["upper_only"])
 
 
 @pytest.mark.parametrize(

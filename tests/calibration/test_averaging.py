@@ -14,10 +14,10 @@ from gmwm import GM
 from gmwm.calibration import averaging
 from gmwm.calibration.averaging import (
     ABSENT,
-    EQUIVALENT,
-    LIKELY,
-    MOST,
-    SLOW,
+    EQUIVALENT_DIFFERENCE,
+    LEAST_WEIGHT,
+    MOST_MODELS,
+    WALK_SHARE,
     WeightedEstimate,
     _narrow_enough,
     _scale,
@@ -104,16 +104,16 @@ def test_weights_are_those_of_the_criterion():
     ranking = ranking_of((0.0, True, False), (3.0, True, True), (9.0, True, False), (2.0, False, False))
     found = weighted_candidates(ranking)
     assert [one.recommended for _, one in found] == [True, False, False, False]
-    assert [weight for weight, _ in found] == pytest.approx(np.exp([-1.5, 0.0, -1.0, -EQUIVALENT / 2]))
+    assert [weight for weight, _ in found] == pytest.approx(np.exp([-1.5, 0.0, -1.0, -EQUIVALENT_DIFFERENCE / 2]))
 
 
 def test_unlikely_models_are_left_out_but_never_the_recommended_one():
     found = weighted_candidates(ranking_of((0.0, False, False), (8.0, False, False), (30.0, False, True)))
-    assert math.exp(-4.0) < LIKELY
+    assert math.exp(-4.0) < LEAST_WEIGHT
     assert [one.difference for _, one in found] == [30.0, 0.0]
     many = ranking_of(*((0.1 * k, True, k == 7) for k in range(12)))
     found = weighted_candidates(many)
-    assert len(found) == MOST
+    assert len(found) == MOST_MODELS
     assert found[0][1].recommended
 
 
@@ -194,7 +194,7 @@ def test_a_slow_gauss_markov_process_counts_as_a_random_walk():
     for one in ranking:
         sheets[one.structure] = datasheet(with_quick_intervals(one.fit, LEVEL), LEVEL)
     other = next(sheet for structure, sheet in sheets.items() if "GM" in structure)
-    assert other["T_c"].value > SLOW * 500.0
+    assert other["T_c"].value > WALK_SHARE * 500.0
     # Both are the rise of the curve at long scales.
     assert other["q_c"].value == pytest.approx(sheets["WN + RW"]["K"].value, rel=0.3)
     both = replace(

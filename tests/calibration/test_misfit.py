@@ -7,9 +7,9 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Severity
-from gmwm.calibration.findings import CLOSE, LARGE, SCALES
+from gmwm.calibration.findings import CLOSE_MISFIT, LARGE_MISFIT, LEAST_SCALES_FOR_USE
 from gmwm.calibration.misfit import misfit_of
-from gmwm.fitting.estimation.model_error import MANY
+from gmwm.fitting.estimation.model_error import JUDGED_FREEDOM
 from gmwm.theory.processes import Process, registry
 from tests.helpers import code_of, codes, only
 
@@ -29,7 +29,7 @@ def test_the_remark_has_the_worst_level_and_its_ratio(without_random_walk):
     (level,) = np.flatnonzero(wv.tau == at.tau)
     assert at.ratio == found.fit.implied[level] / wv.variance[level]
     assert not wv.lower[level] <= found.fit.implied[level] <= wv.upper[level]
-    assert at.times > LARGE
+    assert at.times > LARGE_MISFIT
     remark = only(without_random_walk.remarks, "model-misfit", "gyro_x")
     assert remark.severity is Severity.UNUSABLE
     assert (remark.facts["tau"], remark.facts["ratio"]) == (Quantity(at.tau, "s"), at.times)
@@ -125,8 +125,8 @@ def test_a_recording_of_a_few_scales_cannot_be_calibrated(samples, short):
     remarks = [remark for remark in found.remarks if remark.code == "too-short"]
     assert (found.verdict.severity is Severity.UNUSABLE) is bool(remarks) is short
     for remark in remarks:
-        assert (remark.subject, remark.facts["least"]) == ("gyro_x", SCALES)
-        assert remark.facts["scales"] < SCALES
+        assert (remark.subject, remark.facts["least"]) == ("gyro_x", LEAST_SCALES_FOR_USE)
+        assert remark.facts["scales"] < LEAST_SCALES_FOR_USE
 
 
 @pytest.mark.slow
@@ -167,12 +167,12 @@ def judged(found, largest):
 
 
 def test_a_rejected_model_that_is_close_is_used(calibration):
-    near = judged(calibration, 0.99 * CLOSE)
+    near = judged(calibration, 0.99 * CLOSE_MISFIT)
     remark = only(near.remarks, "model-close", "gyro_x")
     assert remark.severity is Severity.INFO
-    assert remark.facts["largest"] == pytest.approx(99 * CLOSE)
+    assert remark.facts["largest"] == pytest.approx(99 * CLOSE_MISFIT)
     assert not {"model-rejected:calibration", "model-misfit"} & set(codes(near.remarks))
-    far = judged(calibration, 1.01 * CLOSE)
+    far = judged(calibration, 1.01 * CLOSE_MISFIT)
     assert "model-close" not in [remark.code for remark in far.remarks if remark.subject == "gyro_x"]
     assert only(far.remarks, "model-rejected:calibration", "gyro_x").severity is Severity.BIASED
     assert "model-close" not in [remark.code for remark in calibration.remarks if remark.subject == "gyro_x"]
@@ -183,7 +183,7 @@ def test_a_coarse_scale_far_from_the_model_gets_a_remark(calibration, factor, si
     assert "coarse-misfit" not in codes(calibration.remarks)
     axis = calibration.axes["gyro_x"]
     wv, data = axis.fit.wavelet_variance, axis.fit.wavelet_variance.variance.copy()
-    level = int(np.flatnonzero(wv.degrees_of_freedom <= MANY)[1])
+    level = int(np.flatnonzero(wv.degrees_of_freedom <= JUDGED_FREEDOM)[1])
     data[level] = axis.fit.implied[level] * factor
     fit = replace(axis.fit, wavelet_variance=replace(wv, variance=data))
     found = replace(calibration, axes={**calibration.axes, "gyro_x": replace(axis, fit=fit)})

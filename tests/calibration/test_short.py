@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError
-from gmwm.calibration.findings import LEAST_SCALES, SCALES
+from gmwm.calibration.findings import LEAST_SCALES, LEAST_SCALES_FOR_USE
 from gmwm.choosing.selection.ranking import SLOW
 from gmwm.fitting.estimation.goodness import usable_levels
 from tests.helpers import raises
@@ -51,8 +51,8 @@ def test_the_least_number_of_scales_is_that_at_which_white_noise_is_recognised()
 
 @pytest.mark.slow
 def test_two_terms_are_recognised_from_the_scales_that_a_usable_calibration_needs():
-    assert not recognised(TWO, SCALES - 1, 40, least=24)
-    assert recognised(TWO, SCALES, 40, least=27)
+    assert not recognised(TWO, LEAST_SCALES_FOR_USE - 1, 40, least=24)
+    assert recognised(TWO, LEAST_SCALES_FOR_USE, 40, least=27)
 
 
 @pytest.mark.parametrize("samples", [9, 63])

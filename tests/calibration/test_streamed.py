@@ -31,7 +31,7 @@ def path(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1 << 22, 5_000])
 def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
-    monkeypatch.setattr(batches, "BATCH", size)
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", size)
     monkeypatch.setattr(text, "BLOCK_BYTES", 200_000)
     calls = []
     options = {"within": "GM + WN + RW", "rng": 3}
@@ -51,7 +51,7 @@ def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
 @pytest.mark.slow
 def test_more_samples_than_fit_into_memory(path, monkeypatch):
     whole = gmwm.calibrate(gmwm.read(path), within="WN + RW")
-    monkeypatch.setattr(batches, "BATCH", 5_000)
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", 5_000)
     monkeypatch.setattr(passes, "exact_levels", lambda axes: 10)
     monkeypatch.setattr(passes, "held_samples", lambda axes: 7_000)
     found, again = (gmwm.calibrate(data, within="WN + RW") for data in (gmwm.read(path), gmwm.stream(path)))
@@ -89,7 +89,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
         return second_pass(first)
 
     monkeypatch.setattr(FirstPass, "second_pass", between)
-    monkeypatch.setattr(batches, "BATCH", 1_500)
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", 1_500)
     monkeypatch.setattr(passes, "held_samples", lambda axes: 100)
     stream = gmwm.stream(file, rate=100.0)
     accumulators, seen, _ = read_recording(stream, stream.axes, 0.6)

@@ -58,7 +58,7 @@ def test_worker_processes(gmwm, file):
 
 @pytest.mark.slow
 def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
-    monkeypatch.setattr(streams, "LARGE", 1000)
+    monkeypatch.setattr(streams, "STREAMED_BYTES", 1000)
     read = []
     stream = api.stream_file
     monkeypatch.setattr(api, "stream_file", lambda *a, **k: read.append(a) or stream(*a, **k))

@@ -26,7 +26,7 @@ def test_cross(gmwm, recordings, tmp_path):
     outcome = gmwm("cross", path, "--json", "--csv", table, "--plot", picture)
     found = library.cross(read(path))
     assert outcome.json["pairs"] == found.to_dict()["pairs"]
-    assert polars.read_csv(table).shape == found.to_frame().shape
+    assert polars.read_csv(table).shape == found.to_polars().shape
     assert picture.stat().st_size > 10_000
     plain = gmwm("cross", path, "--axis", "gyro_x", "--axis", "gyro_z", "--robust")
     assert plain.code == 0
@@ -78,7 +78,7 @@ def test_fuse(gmwm, tmp_path):
     virtual = library.fuse(units, horizon=0.1)
     assert outcome.json["axes"] == virtual.to_dict()["axes"]
     assert np.array_equal(read(files[1])["gyro_x"].values, virtual.apply(units)["gyro_x"].values)
-    assert polars.read_csv(files[2]).shape == virtual.to_frame().shape
+    assert polars.read_csv(files[2]).shape == virtual.to_polars().shape
     assert files[3].stat().st_size > 10_000
     text = gmwm("fuse", files[0], "--horizon", "1s", "--apply", tmp_path / "drive.csv", "--output", files[1])
     assert text.code == 0

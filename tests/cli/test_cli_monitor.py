@@ -126,7 +126,7 @@ def test_a_process_writes_a_growing_file_with_a_fault_and_the_command_reports_it
 @pytest.mark.slow
 def test_events_are_printed_before_the_input_ends(folder, monkeypatch):
     """The command must not wait for the end of standard input."""
-    monkeypatch.setattr(growing_files, "POLL", 0.005)
+    monkeypatch.setattr(growing_files, "POLL_S", 0.005)
     command = [sys.executable, "-m", "gmwm", "monitor", "-", "--from-fits", str(folder), "--json"]
     lines = (folder / "bad.csv").read_text().splitlines(keepends=True)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:

@@ -27,7 +27,7 @@ def rows(begin=0, end=4000, seed=1):
 
 @pytest.fixture(autouse=True)
 def fast(monkeypatch):
-    monkeypatch.setattr(growing_files, "POLL", 0.005)
+    monkeypatch.setattr(growing_files, "POLL_S", 0.005)
 
 
 def piped(text, *options):

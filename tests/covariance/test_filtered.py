@@ -121,7 +121,7 @@ def test_haar_is_that_of_the_closed_forms(efficiency):
 def test_lags_apart_will_do(name, filter, monkeypatch):
     model, at = as_model(MODELS[name]), design(filter, samples=3000)
     exact = filtered.covariance(model, at)
-    monkeypatch.setattr(filtered, "FEWEST", 1)
+    monkeypatch.setattr(filtered, "LEAST_LAGS", 1)
     found = filtered.covariance(model, at)
     # Spikes are found to need all lags; the others are not.
     assert name in ("quantization", "negative AR1") or not np.array_equal(found, exact)

@@ -89,7 +89,7 @@ def test_against_matrices(name, filter, transform):
 def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):
     model, at = noise + SIN(frequency, 20.0), design(2**13)
     exact = covariance(model, at)
-    monkeypatch.setattr(lines, "FEW_LAGS", 2**11)
+    monkeypatch.setattr(lines, "ALL_LAGS", 2**11)
     size = np.sqrt(np.diag(exact))
     found, expected = (v / np.outer(size, size) for v in (covariance(model, at), exact))
     # Little: a fit asks for standard errors, the half of it, and at a record of 2^14 samples and more it is less.

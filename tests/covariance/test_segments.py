@@ -87,7 +87,7 @@ def test_many_lengths_are_interpolated(monkeypatch):
     lengths = np.random.default_rng(1).integers(1, 900, size=300).tolist()
     how, model = design(lengths), MODELS["Gauss-Markov"]
     quick = covariance(model, how)
-    monkeypatch.setattr(segments, "EXACT", len(lengths))
+    monkeypatch.setattr(segments, "EXACT_LENGTHS", len(lengths))
     exact = covariance(model, how)
     np.testing.assert_allclose(np.diag(quick)[:-1], np.diag(exact)[:-1], rtol=2e-3)
     assert np.diag(quick)[-1] == pytest.approx(np.diag(exact)[-1], rel=1e-2)

@@ -13,7 +13,7 @@ from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.theory.processes import Process
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST
+from gmwm.theory.processes.short_memory import LONGEST_LAGS
 from tests.covariance.test_sums import double_sum
 
 _spec = importlib.util.spec_from_file_location(
@@ -165,7 +165,7 @@ def test_a_resonance_that_lasts_too_long_for_a_robust_estimate():
         covariance(as_model(lasting), at) / np.outer(size, size), expected / np.outer(size, size), atol=1e-9
     )
     assert MAT(beta=1e-3, nu=1.0, sigma2=1.0).memory(RATE) is None
-    assert MA(theta=[0.1] * 9, sigma2=1.0).memory(RATE) == 9 <= LONGEST
+    assert MA(theta=[0.1] * 9, sigma2=1.0).memory(RATE) == 9 <= LONGEST_LAGS
 
 
 @dataclass(frozen=True, repr=False)

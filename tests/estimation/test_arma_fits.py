@@ -10,7 +10,7 @@ from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, fixed
 from gmwm.base.errors import FitWarning
 from gmwm.fitting.estimation import Sampled
 from gmwm.fitting.estimation.problem import pose
-from gmwm.fitting.estimation.solver import KEPT, solve
+from gmwm.fitting.estimation.solver import DESCENT_STARTS, solve
 from gmwm.fitting.estimation.starts import scanned_points, scans_alone
 from gmwm.fitting.estimation.variable_projection import Surface
 from tests.helpers import codes, only, raises
@@ -78,7 +78,7 @@ def test_descents_that_are_not_followed_lead_nowhere(model, seed):
     wv = gmwm.wavelet_variance(truth.simulate(2**14, 1.0, rng), 1.0)
     problem = pose(gmwm.Model.parse(model), wv, np.diag(wv.degrees_of_freedom / wv.variance**2))
     surface = Surface(problem)
-    points, _ = scanned_points(problem, surface, scans_alone(problem, surface), KEPT)
+    points, _ = scanned_points(problem, surface, scans_alone(problem, surface), DESCENT_STARTS)
     every = [surface.downhill(point).objective for _, point in points]
     assert solve(problem, certify=False).objective <= min(every) * problem.unit**2 * (1 + 1e-6)
 

@@ -9,7 +9,7 @@ import pytest
 import gmwm
 from gmwm.base import _core
 from gmwm.base.errors import FitWarning
-from gmwm.fitting.estimation.branch_and_bound import CERTIFIED_GAP, Search
+from gmwm.fitting.estimation.branch_and_bound import LIMITS, Search
 from gmwm.fitting.estimation.exponential_search import ExponentialSearch, search_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import weighting_matrix
@@ -106,7 +106,7 @@ def test_both_paths_reach_the_same_optimum(model, weighting, name):
     # White noise and a Gauss-Markov term that acts as white noise are equal to rounding errors.
     assert len(ours.diagnostics.not_supported) == len(open_one.diagnostics.not_supported)
     # Both bounds are valid; how far each search went beyond the gap is decided by rounding.
-    assert ours.lower_bound == pytest.approx(open_one.lower_bound, rel=CERTIFIED_GAP, abs=exact)
+    assert ours.lower_bound == pytest.approx(open_one.lower_bound, rel=LIMITS.certified_gap, abs=exact)
 
 
 def test_the_kernel_is_used_where_the_search_states_an_exponential_and_the_filter_is_haar():

@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.base.template import fact_text
-from gmwm.choosing.datasheets.effective import HORIZON
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.showing.exporters.api import _options
 from gmwm.showing.exporters.base import find_exporter
@@ -66,7 +66,7 @@ def calibrated(truths, within=WITHIN):
 def remarks_in(calibration, format, **options):
     """The remarks in a file."""
     exporter = find_exporter(format)
-    given = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None, "duration": None} | options
+    given = {"axes": None, "inflation": 1.0, "horizon": DEFAULT_HORIZON_S, "rate": None, "duration": None} | options
     return exporter.remarks(calibration, _options(exporter, given))
 
 

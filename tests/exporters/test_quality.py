@@ -73,6 +73,12 @@ def test_the_file_states_them_and_names_the_remedy(units):
     axes = [qualities(axis_of(units["gauss-markov"], f"gyro_{k}")) for k in "xyz"]
     losses = [max(each[k].loss for each in axes) for k in range(3)]
     assert [float(x) for x in found.groups()[:3]] == pytest.approx(losses, abs=0.006)
+    # The truth of the worst axis, and a filter with it states its error.
+    bias = re.search(r"Gyroscopes: N and K hold .*? or N (\S+), sigma (\S+), T (\S+) s \((\w+)\)\.", text)
+    fit = units["gauss-markov"].axes[bias[4]].fit
+    (term,) = (process for process in fit.model.processes if process.name == "GM")
+    assert float(bias[2]) == pytest.approx(math.sqrt(term.value("sigma2")), rel=0.03)
+    assert float(bias[3]) == pytest.approx(1 / term.value("beta"), rel=0.03)
     assert "Filters with Gauss-Markov states" in text
     assert "Filters with Gauss-Markov states" not in words(units["quantized"].export())
 
@@ -83,7 +89,7 @@ def test_the_file_states_them_and_names_the_remedy(units):
 def test_the_file_says_up_to_which_time_the_numbers_hold(units, monkeypatch, claims, sentence):
     monkeypatch.setattr("gmwm.showing.exporters.quality.qualities", lambda axis: [Quality(1.0, c) for c in claims])
     text = words(units["quantized"].export())
-    assert ("N and K hold for predictions of" in text) == bool(sentence)
+    assert ("N and K hold up to" in text) == bool(sentence)
     assert sentence in text
 
 

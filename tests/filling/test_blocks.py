@@ -20,9 +20,9 @@ RATE = 100.0
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch):
-    monkeypatch.setattr(gaps, "BLOCK", 4096)
+    monkeypatch.setattr(gaps, "BLOCK_SAMPLES", 4096)
     monkeypatch.setattr(gaps, "CONTEXT", 2048)
-    monkeypatch.setattr(gaps, "LONGEST", 128)
+    monkeypatch.setattr(gaps, "LONGEST_FILLED_SAMPLES", 128)
 
 
 def recording(seed, size=14_000):
@@ -118,7 +118,7 @@ def test_a_file_has_the_curve_of_memory_in_batches_of_any_size(tmp_path, monkeyp
     imu = gmwm.read(tmp_path / "a.csv")
     expected = gmwm.wavelet_variance(imu, robust=robust)
     for size in (1 << 21, 4096, 333):
-        monkeypatch.setattr(batches, "BATCH", size)
+        monkeypatch.setattr(batches, "BATCH_SAMPLES", size)
         found = gmwm.stream(tmp_path / "a.csv", chunk=1234).wavelet_variance(robust=robust)
         for axis in signals:
             assert (found[axis].filled, found[axis].segments) == (expected[axis].filled, expected[axis].segments)
@@ -132,7 +132,7 @@ def test_a_calibration_is_the_same_from_memory_and_from_chunks(tmp_path, monkeyp
     expected = gmwm.calibrate(gmwm.read(tmp_path / "a.csv"), within="WN + RW")
     assert "gaps-filled:filled" in {code_of(remark) for remark in expected.recording_remarks}
     for size, chunk in ((1 << 21, 501), (7000, 100_000)):
-        monkeypatch.setattr(batches, "BATCH", size)
+        monkeypatch.setattr(batches, "BATCH_SAMPLES", size)
         found = gmwm.calibrate(gmwm.stream(tmp_path / "a.csv", chunk=chunk), within="WN + RW")
         assert found.to_dict() == expected.to_dict()
 

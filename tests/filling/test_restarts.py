@@ -152,7 +152,7 @@ def test_each_axis_is_cut_at_its_own_restarts_unless_the_axes_must_stay_synchron
 def test_batches_of_any_size_have_the_cuts_of_each_axis(monkeypatch, block):
     """Also where the restart is the first sample of a block."""
     signals = two_axes()
-    monkeypatch.setattr(gaps, "BLOCK", block)
+    monkeypatch.setattr(gaps, "BLOCK_SAMPLES", block)
     whole = Batch(signals)
     size = len(whole)
     parts = [whole.between(k, min(k + 7000, size)) for k in range(0, size, 7000)]
@@ -168,7 +168,7 @@ def test_a_file_has_the_curve_of_memory(tmp_path, monkeypatch):
     Imu(two_axes()).write(tmp_path / "a.csv")
     imu = gmwm.read(tmp_path / "a.csv")
     expected = gmwm.wavelet_variance(imu)
-    monkeypatch.setattr(batches, "BATCH", 5000)
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", 5000)
     found = gmwm.stream(tmp_path / "a.csv", chunk=1234).wavelet_variance()
     for axis in imu:
         assert (found[axis].filled, found[axis].segments) == (expected[axis].filled, expected[axis].segments)

@@ -516,7 +516,7 @@ def test_results_of_another_fleet_are_told(few, tmp_path):
 
 def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("gmwm.measuring.streaming.scheduling.PATIENCE", 0.5)
+    monkeypatch.setattr("gmwm.measuring.streaming.scheduling.SCHEDULER_WAIT_S", 0.5)
     with raises(OptionError, "tcp://127.0.0.1:9"):
         fleet(few, tmp_path / "out", within=WITHIN, scheduler="tcp://127.0.0.1:9")
     assert not (tmp_path / "out").exists()
@@ -524,7 +524,7 @@ def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatc
 
 def test_large_recordings_are_read_in_chunks(few, tmp_path, monkeypatch):
     whole = fleet(few, tmp_path / "whole", within=WITHIN, workers=0)
-    monkeypatch.setattr("gmwm.files.readers.streams.LARGE", 1000)
+    monkeypatch.setattr("gmwm.files.readers.streams.STREAMED_BYTES", 1000)
     monkeypatch.setattr(unit_job, "read_file", None)  # not come to
     found = fleet(few, tmp_path / "chunks", within=WITHIN, workers=0)
     assert found.done == 6

@@ -11,7 +11,7 @@ from gmwm import Calibration, calibrate, fleet, simulate
 from gmwm.applications.fleets import Fleet
 from gmwm.applications.fleets.discovery import find_units
 from gmwm.applications.fleets.storage import FORMAT, read_facts
-from gmwm.base.atomic_files import DEEPEST, read_json
+from gmwm.base.atomic_files import DEEPEST_DOCUMENT, read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.formats.parquet import ParquetReader
 from gmwm.files.formats.text import TextReader
@@ -92,7 +92,7 @@ def test_names_that_are_not_utf8(tmp_path):
         gmwm.read(tmp_path / os.fsdecode(b"missing \xff.csv"))
 
 
-LIMIT = "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1)
+LIMIT = "[" * (DEEPEST_DOCUMENT + 1) + "]" * (DEEPEST_DOCUMENT + 1)
 
 
 @pytest.mark.parametrize(

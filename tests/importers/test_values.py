@@ -7,7 +7,7 @@ import pytest
 
 from gmwm.base.errors import ModelError
 from gmwm.files.importers import Values
-from gmwm.files.importers.values import FLOOR, PEAK
+from gmwm.files.importers.values import FLOOR, GAUSS_MARKOV_PEAK
 from gmwm.theory.processes import GM
 
 RATE = 50.0
@@ -33,7 +33,9 @@ def test_bias_instability_over_a_time_has_its_allan_deviation_as_maximum():
     assert sigma.max() == pytest.approx(FLOOR * 3e-5, rel=1e-5)
     assert n[np.argmax(sigma)] / RATE == pytest.approx(1.8926 * 100.0, rel=0.01)
     one = GM(beta=1.0, sigma2=1.0)
-    assert np.sqrt(one.allan_variance(np.arange(1500, 2500, 5), 1000.0)).max() == pytest.approx(PEAK, rel=1e-6)
+    assert np.sqrt(one.allan_variance(np.arange(1500, 2500, 5), 1000.0)).max() == pytest.approx(
+        GAUSS_MARKOV_PEAK, rel=1e-6
+    )
 
 
 def test_a_markov_process_with_its_standard_deviation():

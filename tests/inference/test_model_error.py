@@ -8,9 +8,9 @@ from scipy.special import gammaincc
 
 from gmwm import fit, wavelet_variance
 from gmwm.fitting.estimation.model_error import (
-    IMPLAUSIBLE,
-    LARGEST,
-    MANY,
+    COARSE_TEST_SIZE,
+    JUDGED_FREEDOM,
+    LARGEST_MODEL_ERROR,
     Distance,
     RelativeMisfit,
     having_error,
@@ -92,7 +92,7 @@ def test_with_its_error_the_statistic_is_its_expectation(drawn):
 
 def test_a_model_that_says_nothing_has_the_largest_error(recording):
     one = nearly_fitted(Model.parse("RW"), recording, "diagonal")
-    assert model_error(one) == LARGEST
+    assert model_error(one) == LARGEST_MODEL_ERROR
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def off_by(recording, factors):
 
 def test_the_misfit_is_exact_on_constructed_curves(recording):
     eta = recording.degrees_of_freedom
-    judged = eta > MANY
+    judged = eta > JUDGED_FREEDOM
     factors = np.where(judged, 1.3, 50.0)
     factors[2] = 0.5
     found = relative_misfit(off_by(recording, factors))
@@ -186,12 +186,12 @@ def test_recordings_of_the_model_are_rarely_implausible(structure):
 
 
 def test_a_coarse_level_far_above_or_below_is_implausible(recording):
-    coarse = np.flatnonzero(recording.degrees_of_freedom <= MANY)
+    coarse = np.flatnonzero(recording.degrees_of_freedom <= JUDGED_FREEDOM)
     for factor in (100.0, 0.01):
         factors = np.ones(len(recording))
         factors[coarse[0]] = factor
         factors[0] = 10.0  # The goodness-of-fit test sees this level.
-        found = implausible_levels(off_by(recording, factors), IMPLAUSIBLE)
+        found = implausible_levels(off_by(recording, factors), COARSE_TEST_SIZE)
         np.testing.assert_array_equal(np.flatnonzero(found), coarse[:1])
     assert not implausible_levels(off_by(recording, np.ones(len(recording)))).any()
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from gmwm import GM, RW, WN, Model, wavelet_variance
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.fitting.estimation.simulated_curves import BATCH, simulated_variances
+from gmwm.fitting.estimation.simulated_curves import DRAWN_SAMPLES, simulated_variances
 from gmwm.measuring.covariance import wavelet_covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.filters import find_filter
@@ -39,10 +39,10 @@ def standard_errors(rows, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [100, 5000, BATCH + 3])
+@pytest.mark.parametrize("samples", [100, 5000, DRAWN_SAMPLES + 3])
 def test_neither_threads_nor_draws_matter(samples):
     model, where = Model.parse(SUM), design(samples)
-    draws = max(3, 2 * BATCH // samples + 2)
+    draws = max(3, 2 * DRAWN_SAMPLES // samples + 2)
     rows = simulated_variances(model, where, draws, seed=3, threads=1)
     assert rows.shape == (draws, where.levels.size)
     assert len(np.unique(rows[:, 0])) == draws
@@ -183,7 +183,7 @@ def test_a_process_known_by_its_state_space_alone():
 
 def test_progress_is_told_in_the_callers_thread():
     told = []
-    draws = 5 * (BATCH // 4096) + 1
+    draws = 5 * (DRAWN_SAMPLES // 4096) + 1
     simulated_variances(
         Model((WN(sigma2=1.0),)), design(4096), draws, seed=1,
         progress=lambda done: told.append((done, threading.current_thread())),
@@ -235,7 +235,7 @@ def test_memory_is_some_batches_whatever_the_draws():
         peaks.append(tracemalloc.get_traced_memory()[1] - rows.nbytes)
         tracemalloc.stop()
     # Two threads of three arrays, and the block that is never touched.
-    assert max(peaks) < (2 * 4 + 8) * 8 * BATCH
+    assert max(peaks) < (2 * 4 + 8) * 8 * DRAWN_SAMPLES
 
 
 # --- the door ----------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmwm.applications.several import fit_joint
-from gmwm.applications.several.certificate import GAP, Prover
+from gmwm.applications.several.certificate import LARGEST_GAP, Prover
 from gmwm.applications.several.search import descend
 from gmwm.base.errors import OptionError
 from tests.helpers import raises
@@ -52,7 +52,7 @@ def test_the_bound_of_an_interval_is_below_every_fit_in_it(problem):
 def test_the_proof_closes_and_no_scan_finds_a_better_fit(problem):
     proof = Prover(problem).prove(descend(problem, np.array([problem.limits[1][0] - 1.0])))
     scanned = min(problem.solve(np.array([u])).objective for u in np.linspace(*np.concatenate(problem.limits), 60))
-    assert proof.lower_bound >= proof.best.objective * (1 - 1.001 * GAP)
+    assert proof.lower_bound >= proof.best.objective * (1 - 1.001 * LARGEST_GAP)
     assert proof.lower_bound <= proof.best.objective <= scanned * (1 + 1e-9)
     assert proof.relaxed_bound <= proof.lower_bound
 
@@ -64,7 +64,7 @@ def test_a_fit_with_a_proof():
     plain = fit_joint("shared(GM) + WN + RW", x, RATE)
     assert plain.lower_bound is None
     assert found.objective <= plain.objective * (1 + 1e-9)
-    assert found.objective * (1 - 1.001 * GAP) <= found.lower_bound <= found.objective
+    assert found.objective * (1 - 1.001 * LARGEST_GAP) <= found.lower_bound <= found.objective
     assert "No other parameters" in found.summary()
 
 

@@ -10,7 +10,7 @@ import pytest
 import gmwm
 from gmwm.applications.several import plots
 from gmwm.applications.several.cross import _freedom, _UnitNoise, cross
-from gmwm.applications.several.delays import WINGS, _delay
+from gmwm.applications.several.delays import LARGEST_LAG_SAMPLES, _delay
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm
@@ -125,8 +125,8 @@ def test_a_delay_is_found(delay):
 )
 def test_a_delay_is_a_clear_peak_at_three_samples_at_most(lag, peak, far, delay):
     """From 10 000 coefficients: the peak gains 5 standard errors, 0.05, and the rest is below 0.4 of it."""
-    correlation = np.zeros(2 * WINGS + 1)
-    correlation[[WINGS + lag, 0]] = peak, far
+    correlation = np.zeros(2 * LARGEST_LAG_SAMPLES + 1)
+    correlation[[LARGEST_LAG_SAMPLES + lag, 0]] = peak, far
     assert _delay(correlation, 10_000) == delay
 
 
@@ -153,12 +153,12 @@ def test_what_a_user_sees(tmp_path):
     found = gmwm.cross(imu)
     assert len(found.pairs) == 15
     assert json.loads(json.dumps(found.to_dict()))["pairs"]["gyro_x gyro_y"]["delay"] == 0
-    assert found.to_frame().shape == (15 * found.levels.size, 10)
+    assert found.to_polars().shape == (15 * found.levels.size, 10)
     assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000
     panels = plots.cross_figure(found).panels
-    assert [panel.title for panel in panels][:2] == ["gyro_x, gyro_y", "gyro_x, gyro_z"]
+    assert [panel.title for panel in panels][:2] == ["Gyroscope X, Y", "Gyroscope X, Z"]
     assert repr(found).startswith("CrossCovariance(gyro_x, ")
 
 
@@ -231,7 +231,7 @@ def test_a_stream_has_the_covariances_of_memory(tmp_path, monkeypatch, robust):
     units = {"gyro": "rad/s"}
     expected = gmwm.cross(gmwm.read(tmp_path / "a.csv", units=units), robust=robust)
     for size in (1 << 21, 5000):
-        monkeypatch.setattr(batches, "BATCH", size)
+        monkeypatch.setattr(batches, "BATCH_SAMPLES", size)
         found = gmwm.cross(gmwm.stream(tmp_path / "a.csv", units=units, chunk=777), robust=robust)
         assert (found.axes, found.units, found.samples) == (expected.axes, expected.units, expected.samples)
         for pair in expected.covariance:

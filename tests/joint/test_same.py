@@ -84,7 +84,7 @@ def test_axes_of_two_recordings():
     assert not found.differs
     assert [code_of(remark) for remark in found.remarks] == ["recordings-agree:noise"]
     assert json.loads(json.dumps(found.to_dict()))["differs"] is False
-    assert found.to_frame().shape[0] == len(found.levels) == 6 * len(found["gyro_x"])
+    assert found.to_polars().shape[0] == len(found.levels) == 6 * len(found["gyro_x"])
     assert all(axis in found.summary() for axis in monday)
     louder = gmwm.Imu(
         {axis: gmwm.Signal(2 * s.values, RATE, s.unit, axis) for axis, s in tuesday["gyro"].signals.items()}

@@ -10,7 +10,7 @@ import pytest
 from gmwm import Model
 from gmwm.fitting.likelihood.problem import LikelihoodProblem
 from gmwm.fitting.likelihood.record import as_record
-from gmwm.fitting.likelihood.system import STEP, assemble, slopes
+from gmwm.fitting.likelihood.system import DIFFERENCE_STEP, assemble, slopes
 from validation.likelihood import fisher_errors
 
 oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "gaussian.py")))
@@ -81,10 +81,10 @@ def test_matrices_have_the_slopes_that_their_differences_have(text):
     z, system = at.start(), assemble(at.model, RATE)
     found = slopes(at.model, system, at.coordinates, RATE)
     for k in range(z.size):
-        step = 0.1 * STEP * np.eye(z.size)[k]
+        step = 0.1 * DIFFERENCE_STEP * np.eye(z.size)[k]
         high, low = (assemble(at.at_point(z + s * step), RATE) for s in (1, -1))
         for name, got in (("F", found.F[k]), ("Q", found.Q[k]), ("H", found.H[k]), ("P0", found.P0[k])):
-            expected = (getattr(high, name) - getattr(low, name)) / (0.2 * STEP)
+            expected = (getattr(high, name) - getattr(low, name)) / (0.2 * DIFFERENCE_STEP)
             size = np.max(np.abs(expected), initial=0.0)
             assert np.max(np.abs(got - expected), initial=0.0) <= 1e-4 * size + 1e-12, (k, name)
 

@@ -10,7 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
-from gmwm.applications.monitor.charts import BLOCKS, NOISE, Charts, ChartSettings, differences, white_shape, window
+from gmwm.applications.monitor.charts import (
+    BLOCKS_OF_LEVEL,
+    NOISE,
+    Charts,
+    ChartSettings,
+    differences,
+    white_shape,
+    window,
+)
 from gmwm.applications.monitor.thresholds import (
     level_threshold,
     noise_run_length,
@@ -77,9 +85,9 @@ def test_the_exponential_of_a_noise_chart_is_a_martingale_in_the_long_run(sums: 
     def growth(k: float) -> float:
         found = []
         for blocks in (12, 24):
-            size = blocks * BLOCKS * sums
+            size = blocks * BLOCKS_OF_LEVEL * sums
             values = np.linalg.eigvalsh(toeplitz(np.pad(rho, (0, size - sums))))
-            steps = np.log1p(-2 * k * (1 - 1 / ratio) * values / (BLOCKS * sums))
+            steps = np.log1p(-2 * k * (1 - 1 / ratio) * values / (BLOCKS_OF_LEVEL * sums))
             found.append(-0.5 * float(np.sum(steps)) - blocks * k * float(np.log(ratio)))
         return (found[1] - found[0]) / 12
 
@@ -102,7 +110,7 @@ def test_coefficients_are_differences_of_neighbouring_means(m: int) -> None:
 def test_the_scatter_of_mean_squares_is_that_of_white_noise(level: int) -> None:
     base, m = window(level)
     runs, blocks = 2000, 20
-    x = np.random.default_rng(level).standard_normal((runs, (blocks * BLOCKS * m + m - 1) << base))
+    x = np.random.default_rng(level).standard_normal((runs, (blocks * BLOCKS_OF_LEVEL * m + m - 1) << base))
     sums = x.reshape(runs, -1, 1 << base).sum(axis=2)
     y = np.array([np.mean(differences(row, m) ** 2) for row in sums]) / 2**level
     k = blocks * white_shape(level)
@@ -112,7 +120,7 @@ def test_the_scatter_of_mean_squares_is_that_of_white_noise(level: int) -> None:
 
 def test_few_sums_keep_most_of_the_information() -> None:
     # Coefficients at every sample have 1.5 degrees of freedom in 2^j samples, for long scales.
-    assert white_shape(8) == pytest.approx(0.928 * 1.5 * BLOCKS, rel=1e-3)
+    assert white_shape(8) == pytest.approx(0.928 * 1.5 * BLOCKS_OF_LEVEL, rel=1e-3)
 
 
 @pytest.mark.slow

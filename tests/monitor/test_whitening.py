@@ -13,7 +13,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from gmwm import Model
 from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.whitening import FRAME, Gain, Whitener
+from gmwm.applications.monitor.whitening import FRAME_SAMPLES, Gain, Whitener
 from gmwm.base.errors import ModelError
 
 RATE = 100.0
@@ -64,12 +64,12 @@ def test_a_settled_filter_predicts_across_a_gap() -> None:
     # A walk that is learnt in some samples, so that the dense matrices can be small.
     model = Model.parse("WN(sigma2=1) + RW(gamma2=4)")
     made = Whitener(Gain.of(Finite.of(model, RATE)))
-    x = model.simulate(2 * FRAME + 100, RATE, rng=2)
-    at = np.concatenate([np.arange(2 * FRAME), np.arange(2 * FRAME + 7, x.size)])
-    first = made.update(x[: 2 * FRAME])
+    x = model.simulate(2 * FRAME_SAMPLES + 100, RATE, rng=2)
+    at = np.concatenate([np.arange(2 * FRAME_SAMPLES), np.arange(2 * FRAME_SAMPLES + 7, x.size)])
+    first = made.update(x[: 2 * FRAME_SAMPLES])
     assert made.columns == 0
     made.gap(7)
-    found = np.concatenate([first, made.update(x[2 * FRAME + 7 :])])
+    found = np.concatenate([first, made.update(x[2 * FRAME_SAMPLES + 7 :])])
     wanted = solve_triangular(cholesky(dense(model, at), lower=True), x[at], lower=True)
     np.testing.assert_allclose(found[1:], wanted[1:], atol=1e-4)
 
@@ -78,7 +78,7 @@ def test_a_settled_filter_predicts_across_a_gap() -> None:
 @pytest.mark.parametrize("text", [*MODELS, "FN(b2=0.1) + WN(sigma2=1)", "SIN(frequency=7, power=2) + WN(sigma2=1)"])
 def test_cuts_and_json_do_not_change_a_bit(text: str) -> None:
     rng = np.random.default_rng(3)
-    x = Model.parse(text).simulate(3 * FRAME, RATE, rng=4)
+    x = Model.parse(text).simulate(3 * FRAME_SAMPLES, RATE, rng=4)
     whole = whitener(text).update(x)
     cuts = np.unique([0, *rng.integers(0, x.size, 40), *range(100, 130), x.size])
     made, parts = whitener(text), []

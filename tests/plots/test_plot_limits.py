@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.applications.fleets.plot import HALF, _height_axis, fleet_figure
+from gmwm.applications.fleets.plot import HALF_STRIP, _height_axis, fleet_figure
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.allan import _axis_with, allan_panel, avlr_panel
@@ -62,7 +62,7 @@ def lot(units, factor=1.05):
 def test_many_units_are_a_curve_of_400_points():
     (curve,) = [line for line in fleet_figure(lot(450)).panels[0].lines if line.label == "Units, sorted by value"]
     assert curve.x.size == 400
-    assert np.ptp(curve.x) == pytest.approx(2 * HALF)
+    assert np.ptp(curve.x) == pytest.approx(2 * HALF_STRIP)
 
 
 def test_an_interval_extends_the_axis_by_a_factor_of_3_at_most():

@@ -9,7 +9,7 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.showing.plots.residuals import (
-    LEVEL,
+    LIMIT_LEVEL,
     correlation_panel,
     order_limits,
     plot_residuals,
@@ -55,7 +55,7 @@ def test_the_limits_of_each_quantile_hold_so_many():
     low, high = order_limits(normal, n)
     inside = np.mean((drawn[:, place] >= low) & (drawn[:, place] <= high), axis=0)
     # A share of 95 % of 2000 scatters by 0.5 %; the largest deviation of 400 of them is below 4.
-    assert np.max(np.abs(inside - LEVEL)) < 4 * math.sqrt(LEVEL * (1 - LEVEL) / count)
+    assert np.max(np.abs(inside - LIMIT_LEVEL)) < 4 * math.sqrt(LIMIT_LEVEL * (1 - LIMIT_LEVEL) / count)
     np.testing.assert_allclose(low, -high[::-1], rtol=1e-9)
 
 
@@ -126,7 +126,7 @@ def test_limits_of_correlations_hold_so_many_where_samples_are_missing():
         rng = np.random.default_rng(seed)
         panel = correlation_panel(of(np.where(rng.random(2000) < 0.6, math.nan, rng.normal(size=2000))), 20)
         inside.append(np.abs(panel["Observed"].y) < panel.bands[0].upper)
-    assert abs(np.mean(inside) - LEVEL) < 4 * math.sqrt(LEVEL * (1 - LEVEL) / np.size(inside))
+    assert abs(np.mean(inside) - LIMIT_LEVEL) < 4 * math.sqrt(LIMIT_LEVEL * (1 - LIMIT_LEVEL) / np.size(inside))
 
 
 def test_titles_tell_the_tests(good, bad):

@@ -15,7 +15,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots import plot_components, plot_recording, plot_signal
 from gmwm.showing.plots.figure import PAGE
 from gmwm.showing.plots.linear import even_axis, even_ticks, power_of, time_unit
-from gmwm.showing.plots.series import DOTS, components_figure, recording_figure, signal_panel
+from gmwm.showing.plots.series import DOTS_OF_MM, components_figure, recording_figure, signal_panel
 from gmwm.showing.plots.style import term_strokes
 from gmwm.showing.plots.trace import extremes, trace
 from tests.helpers import raises
@@ -63,7 +63,7 @@ def test_a_spike_of_one_sample_in_many_is_drawn(noise):
     values = noise.copy()
     values[77_777] = 40.0
     (line,) = signal_panel(Signal(values, 100.0, "rad/s")).lines
-    assert line.x.size <= 4 * DOTS * PAGE
+    assert line.x.size <= 4 * DOTS_OF_MM * PAGE
     assert line.y.max() == 40.0
     assert line.x[np.argmax(line.y)] == pytest.approx(777.77 / 60)
 

@@ -21,7 +21,7 @@ def test_the_curve_is_the_root_of_the_smoothed_density(spectrum):
     panel = spectrum_panel(spectrum)
     smooth = spectrum.smoothed()
     np.testing.assert_allclose(panel["Spectrum"].y, np.sqrt(smooth.density))
-    np.testing.assert_allclose(panel["95 % confidence"].lower, np.sqrt(smooth.lower))
+    np.testing.assert_allclose(panel["95 % limits"].lower, np.sqrt(smooth.lower))
     assert panel.y.label == "One-sided root density (rad/s/√Hz)"
     assert panel.title == "Gyroscope X"
     np.testing.assert_array_equal(spectrum_panel(smooth)["Spectrum"].y, panel["Spectrum"].y)
@@ -69,7 +69,7 @@ def test_a_panel_for_each_axis(tmp_path):
     figure = spectra_figure(spectra, models={"gyro_y": gmwm.WN(sigma2=4e-7)})
     assert [[panel and panel.title for panel in row] for row in figure.rows] == [
         ["Gyroscope X", "Gyroscope Y", "Gyroscope Z"],
-        ["Accelerometer Z", None, None],
+        [None, None, "Accelerometer Z"],
     ]
     assert "Model" in figure.rows[0][1].labels
     assert "Model" not in figure.rows[0][0].labels

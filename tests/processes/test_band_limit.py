@@ -7,7 +7,7 @@ import pytest
 
 from gmwm import AR, ARMA, MA, fixed
 from gmwm.choosing.datasheets import Entry
-from gmwm.theory.processes.band_limit import PEAK, SHORT
+from gmwm.theory.processes.band_limit import RESONANCE_RATIO, WHITE_TIME_S
 
 RATE = 50.0
 
@@ -54,7 +54,7 @@ def test_numbers_are_those_of_a_fine_grid(case):
     else:
         assert found["f_b"].value == pytest.approx(grid[above], abs=2 * grid[1])
     top = int(np.argmax(curve))
-    assert ("f_r" in found) == (curve[top] >= PEAK * curve[0])
+    assert ("f_r" in found) == (curve[top] >= RESONANCE_RATIO * curve[0])
     if "f_r" in found:
         assert found["f_r"].value == pytest.approx(grid[top], rel=1e-4)
         wide = grid[curve >= curve[top] / 2]
@@ -121,9 +121,9 @@ def test_units():
 
 
 def test_slow_noise_and_no_noise_have_no_numbers():
-    slow = AR(phi=[np.exp(-1 / (RATE * SHORT * 1.01))], sigma2=1.0)
+    slow = AR(phi=[np.exp(-1 / (RATE * WHITE_TIME_S * 1.01))], sigma2=1.0)
     assert slow.physical(RATE) == ()
-    assert "N" in numbers(AR(phi=[np.exp(-1 / (RATE * SHORT * 0.99))], sigma2=1.0))
+    assert "N" in numbers(AR(phi=[np.exp(-1 / (RATE * WHITE_TIME_S * 0.99))], sigma2=1.0))
     assert AR(phi=[0.5], sigma2=0.0).physical(RATE) == ()
     assert AR(2).physical(RATE) == ()
 

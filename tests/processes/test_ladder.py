@@ -9,12 +9,12 @@ from scipy.special import gamma, kv
 from gmwm import fit_ml
 from gmwm.base.errors import FitWarning
 from gmwm.theory.processes import FGN, FN, MAT, PL, Model
-from gmwm.theory.processes.ladder import BAND, approximation_remarks, state_space_error
+from gmwm.theory.processes.ladder import LADDER_OCTAVES, approximation_remarks, state_space_error
 from gmwm.theory.statespace import _StateBlock
 from tests.helpers import only
 
 RATE = 100.0
-CLUSTERS = np.unique(np.round(np.geomspace(1, 2**BAND, 60)).astype(int))
+CLUSTERS = np.unique(np.round(np.geomspace(1, 2**LADDER_OCTAVES, 60)).astype(int))
 
 
 def allan_variance(space, clusters):

@@ -17,7 +17,7 @@ from tests.helpers import raises
 
 @pytest.fixture(autouse=True)
 def fast(monkeypatch):
-    monkeypatch.setattr(growing_files, "POLL", 0.001)
+    monkeypatch.setattr(growing_files, "POLL_S", 0.001)
 
 
 def table(rows=3000, gap=1200):

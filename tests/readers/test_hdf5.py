@@ -29,7 +29,7 @@ def path(tmp_path):
 
 @pytest.mark.parametrize("rows", [7, 60, 1 << 20])
 def test_data_sets_with_units_in_attributes(path, monkeypatch, rows):
-    monkeypatch.setattr(arrays, "ROWS", rows)
+    monkeypatch.setattr(arrays, "ARRAY_ROWS", rows)
     with h5py.File(path, "w") as file:
         group = file.create_group("imu0")
         group.create_dataset("gyro", data=VALUES[:, :3], chunks=(8, 3), compression="gzip").attrs["units"] = "deg/s"
@@ -117,7 +117,7 @@ def test_mislabelled_and_without_the_library(path, monkeypatch):
     with raises(ReadError, code="incomplete"):
         read(path, format="hdf5")
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with raises(MissingDependencyError, advises=["'gmwm[hdf5]'"]):
+    with raises(MissingDependencyError, advises=['"gmwm[hdf5]"']):
         read(path, format="hdf5")
 
 

@@ -34,7 +34,7 @@ def npz(folder, name="a.npz", packed=False, **content):
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("sideways", [False, True])
 def test_a_bare_matrix_is_named_in_order(tmp_path, order, sideways, monkeypatch):
-    monkeypatch.setattr(arrays, "ROWS", 7)
+    monkeypatch.setattr(arrays, "ARRAY_ROWS", 7)
     path = tmp_path / "a.npy"
     np.save(path, np.asarray(VALUES.T if sideways else VALUES, order=order))
     with raises(ReadError, "6 columns", 0.02):

@@ -24,7 +24,7 @@ def saved(folder, **columns):
 def test_slices_of_any_size_give_the_same(tmp_path, monkeypatch):
     path = saved(tmp_path, **{"gyro_x [rad/s]": NOISE})
     for rows in (1, 7, 50, 51):
-        monkeypatch.setattr(parquet, "ROWS", rows)
+        monkeypatch.setattr(parquet, "TABLE_ROWS", rows)
         assert read(path, rate=10)["gyro_x"].values.tolist() == NOISE.tolist()
 
 

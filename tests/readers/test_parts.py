@@ -26,11 +26,11 @@ UNITS = {"gyro": "deg/s", "accel": "g"}
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(interpretation, "HEAD", 3000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
-    monkeypatch.setattr(parquet, "ROWS", 1500)
-    monkeypatch.setattr(arrays, "ROWS", 1500)
-    monkeypatch.setattr(waypoint, "BLOCK", 1500)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 1500)
+    monkeypatch.setattr(arrays, "ARRAY_ROWS", 1500)
+    monkeypatch.setattr(waypoint, "RECORDS_OF_CHUNK", 1500)
 
 
 def firsts(chunks):

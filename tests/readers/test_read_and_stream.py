@@ -17,9 +17,9 @@ ROWS = 9000
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(interpretation, "HEAD", 1000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 1000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 20_000)
-    monkeypatch.setattr(parquet, "ROWS", 700)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 700)
 
 
 def table(rows=ROWS, **other):

@@ -399,7 +399,7 @@ AS_TEXT = {
     + [(form, kind) for form in ("zeros left out", "times of day") for kind in ("gaps", "bursts")],
 )
 def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
-    monkeypatch.setattr(interpretation, "HEAD", 3000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     ns = BEGIN + np.round(stamps(kind, np.random.default_rng(3)) * 1e6).astype(np.int64) * 1000
     path = part_files(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])

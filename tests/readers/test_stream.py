@@ -23,10 +23,10 @@ ROWS = 20_000
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(interpretation, "HEAD", 3000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 3000)
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
-    monkeypatch.setattr(parquet, "ROWS", 1500)
-    monkeypatch.setattr(arrays, "ROWS", 1500)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 1500)
+    monkeypatch.setattr(arrays, "ARRAY_ROWS", 1500)
 
 
 FORMATS_AND_STAMPS = [
@@ -243,7 +243,7 @@ def test_options_are_checked_at_the_door(tmp_path):
 
 
 def test_memory_does_not_grow_with_an_array_on_disk(tmp_path, monkeypatch):
-    monkeypatch.setattr(arrays, "ROWS", 20_000)
+    monkeypatch.setattr(arrays, "ARRAY_ROWS", 20_000)
     peaks = []
     for rows in (40_000, 800_000):
         path = tmp_path / f"{rows}.npy"

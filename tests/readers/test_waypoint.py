@@ -82,7 +82,7 @@ def test_what_is_written_is_the_file_that_was_read(file, kind, tmp_path):
 def test_chunks_of_any_size_give_the_same(file, kind, monkeypatch):
     whole = read(file, format=kind.format)
     for block in (1, 7, 399, 400):
-        monkeypatch.setattr(waypoint, "BLOCK", block)
+        monkeypatch.setattr(waypoint, "RECORDS_OF_CHUNK", block)
         again = read(file, format=kind.format)
         assert all(again[axis].values.tobytes() == whole[axis].values.tobytes() for axis in AXES)
 

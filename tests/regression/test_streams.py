@@ -23,10 +23,10 @@ ROWS = 30_000
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks so small that a file of some ten thousand rows has many of them."""
-    monkeypatch.setattr(interpretation, "HEAD", 5000)
-    monkeypatch.setattr(parquet, "ROWS", 7001)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 5000)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 7001)
     for module in (batches, blocks):
-        monkeypatch.setattr(module, "BATCH", 1 << 13)
+        monkeypatch.setattr(module, "BATCH_SAMPLES", 1 << 13)
 
 
 @pytest.fixture

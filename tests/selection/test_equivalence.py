@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from gmwm.choosing.selection.equivalence import DEGREE, drawn_errors, factor_of
+from gmwm.choosing.selection.equivalence import QUANTILE_DEGREE, drawn_errors, factor_of
 
 
 def test_errors_are_chi_square_quantiles_of_correlated_normal_scores():
@@ -15,7 +15,7 @@ def test_errors_are_chi_square_quantiles_of_correlated_normal_scores():
     deviation = curve * np.sqrt(2 / freedom)
     apart = np.subtract.outer(np.arange(freedom.size), np.arange(freedom.size))
     wavelet = np.outer(deviation, deviation) * 0.6 ** np.abs(apart)
-    for draws in (DEGREE // 2, 1000, 5000):
+    for draws in (QUANTILE_DEGREE // 2, 1000, 5000):
         normal = np.random.default_rng(3).standard_normal((draws, curve.size))
         scores = normal @ factor_of(wavelet).T / deviation
         errors = drawn_errors(curve, wavelet, draws, seed=3)

@@ -10,7 +10,7 @@ from scipy.signal import welch
 from gmwm import Imu, Signal, psd
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.spectrum import PowerSpectra, PowerSpectrum, SpectrumAccumulator
-from gmwm.measuring.spectrum.accumulate import FOLD
+from gmwm.measuring.spectrum.accumulate import BUFFERED_SAMPLES
 from tests.helpers import raises
 
 RATE = 100.0
@@ -114,7 +114,7 @@ def test_no_block_crosses_a_gap():
 
 
 def test_large_recordings_take_the_same_way():
-    x = walk(FOLD + 1000)
+    x = walk(BUFFERED_SAMPLES + 1000)
     pieces = SpectrumAccumulator(RATE)
     for piece in np.array_split(x, 1000):
         pieces.update(piece)
@@ -180,7 +180,7 @@ def test_round_trip_and_frame():
     again = PowerSpectrum.from_dict(found.to_dict())
     assert again.to_dict() == found.to_dict()
     assert again.lines == found.lines
-    frame = found.to_frame()
+    frame = found.to_polars()
     assert frame.columns == ["frequency", "density", "lower", "upper", "degrees_of_freedom"]
     assert frame.height == len(found)
     assert "line: 20.0002 ±" in found.summary()

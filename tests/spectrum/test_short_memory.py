@@ -8,12 +8,12 @@ from gmwm import psd
 from gmwm.base import _core
 from gmwm.measuring.spectrum import short_memory as fits
 from gmwm.measuring.spectrum.short_memory import (
-    FLAT,
-    FLOOR,
-    KNOWN,
-    LIKELY,
+    FACTOR_PRIOR,
+    LARGEST_BEND,
+    LARGEST_ERROR_AT_ZERO,
+    LEAST_ORDER_WEIGHT,
     POLE,
-    SURE,
+    STOP_BAND,
     _add_roots,
     _ArmaPoint,
     _bend,
@@ -101,7 +101,7 @@ def test_few_degrees_of_freedom_do_not_make_the_density_too_small():
 def test_other_orders_are_reported_with_their_weights():
     found = fitted("FIR", 2, degrees=2_000)
     assert found.alternatives
-    assert all(LIKELY <= other.weight < 1 for other in found.alternatives)
+    assert all(LEAST_ORDER_WEIGHT <= other.weight < 1 for other in found.alternatives)
     assert sum(other.weight for other in found.alternatives) < 1
     orders = {(other.phi.size, other.theta.size) for other in found.alternatives}
     assert (found.phi.size, found.theta.size) not in orders
@@ -189,7 +189,7 @@ def test_more_roots_are_where_they_are_asked_for():
 def some_data():
     frequencies, density, eta, known = measured("resonance 20 Hz", 4, slow=0.3)
     angles, weights = 2 * np.pi * frequencies / RATE, 1 / (2 / eta + 25e-6)
-    return _Data.of(angles, known=known, floor=FLOOR, logs=np.log(density), weights=weights)
+    return _Data.of(angles, known=known, floor=STOP_BAND, logs=np.log(density), weights=weights)
 
 
 def test_the_jacobian_is_that_of_finite_differences():
@@ -227,12 +227,12 @@ def test_the_descent_ends_at_the_optimum_of_another_program(free):
 
     def residuals(at):
         point = _ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4] if free else 0.0)
-        return np.append(np.sqrt(data.weights) * point.residuals, point.slow / KNOWN)
+        return np.append(np.sqrt(data.weights) * point.residuals, point.slow / FACTOR_PRIOR)
 
     best = optimize.least_squares(residuals, start, method="lm", xtol=1e-12, ftol=1e-12)
     at = start.copy()
     loss = _core.spectral_descent(
-        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=2, free=free, steps=100, near=0.0, parameters=at
+        data.waves, data.rows, floor=data.floor, prior=FACTOR_PRIOR, p=2, free=free, steps=100, near=0.0, parameters=at
     )
     assert loss == pytest.approx(2 * best.cost, rel=1e-9)
     assert loss == pytest.approx(_ArmaPoint(data=data, a=at[1:3], b=at[3:4], scale=at[0], slow=at[4]).loss, rel=1e-12)
@@ -256,5 +256,5 @@ def test_a_rise_below_the_data_is_not_used():
     angles = 2 * np.pi * frequencies / RATE
     data = _Data.of(angles, known=np.zeros(250), floor=0.0, logs=np.log(density), weights=eta / 2)
     point = _ArmaPoint(data=data, a=-found.phi, b=found.theta, scale=np.log(found.innovation), slow=0.0)
-    assert abs(_bend(data, point)) <= FLAT
-    assert SURE < FLAT
+    assert abs(_bend(data, point)) <= LARGEST_BEND
+    assert LARGEST_ERROR_AT_ZERO < LARGEST_BEND

@@ -38,7 +38,7 @@ def client():
         def setup(self, worker):
             from gmwm.files.formats import arrays, parquet, text
 
-            arrays.ROWS = parquet.ROWS = 20_000
+            arrays.ARRAY_ROWS = parquet.TABLE_ROWS = 20_000
             text.BLOCK_BYTES = 400_000
 
     with connect(workers=2) as found:
@@ -48,9 +48,9 @@ def client():
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(interpretation, "HEAD", 10_000)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 10_000)
     for module, name, value in (
-        (arrays, "ROWS", SMALL), (parquet, "ROWS", SMALL), (text, "BLOCK_BYTES", 20 * SMALL)
+        (arrays, "ARRAY_ROWS", SMALL), (parquet, "TABLE_ROWS", SMALL), (text, "BLOCK_BYTES", 20 * SMALL)
     ):  # fmt: skip
         monkeypatch.setattr(module, name, value)
 
@@ -148,9 +148,9 @@ def test_lost_samples_are_those_of_one_pass(tmp_path, client):
     numbers = frame["gyro_x"].to_numpy().copy()
     numbers[[150_000, 190_000]] = np.nan
     frame.with_columns(gyro_x=numbers).write_parquet(path)
-    with warns("samples-lost:lost", count=2):
+    with warns("samples-lost:axes", count=2):
         expected = opened(path).wavelet_variance()
-    with warns("samples-lost:lost", count=2):
+    with warns("samples-lost:axes", count=2):
         same(opened(path).wavelet_variance(scheduler=client, parts=10), expected)
 
 
@@ -266,7 +266,7 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
     for address in ("127.0.0.1:8786", "", 8786):
         with raises(OptionError, "tcp://", argument="scheduler"), connect(address):
             pass
-    monkeypatch.setattr(scheduling, "PATIENCE", 0.3)
+    monkeypatch.setattr(scheduling, "SCHEDULER_WAIT_S", 0.3)
     with raises(OptionError, "tcp://127.0.0.1:1"):
         source.wavelet_variance(scheduler="tcp://127.0.0.1:1")
     with raises(OptionError, "nonsense://x"), connect("nonsense://x"):
@@ -276,7 +276,7 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
 @pytest.mark.slow
 def test_without_dask_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with raises(MissingDependencyError, advises=["pip install 'gmwm[dask]'"]), connect():
+    with raises(MissingDependencyError, advises=['pip install "gmwm[dask]"']), connect():
         pass
 
 

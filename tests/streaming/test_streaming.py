@@ -120,8 +120,8 @@ def recording(tmp_path):
 
 @pytest.mark.slow
 def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
-    monkeypatch.setattr(interpretation, "HEAD", 3000)
-    monkeypatch.setattr(parquet, "ROWS", 4096)
+    monkeypatch.setattr(interpretation, "HEAD_ROWS", 3000)
+    monkeypatch.setattr(parquet, "TABLE_ROWS", 4096)
     imu = gmwm.read(recording)
     told = []
     curves = gmwm.stream(recording).wavelet_variance(exact=15, done=told.append)

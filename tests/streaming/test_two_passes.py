@@ -114,7 +114,7 @@ def test_what_comes_between_the_passes_belongs_to_neither(spoilt):
 
 @pytest.mark.slow
 def test_a_recording_that_has_lost_samples_is_told(spoilt, monkeypatch):
-    monkeypatch.setattr(batches, "BATCH", 7_000)  # a recording that is one batch is read once
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", 7_000)  # a recording that is one batch is read once
 
     def shrink(samples):
         if samples == SAMPLES:

@@ -15,7 +15,7 @@ from gmwm.base import _core
 from gmwm.base.errors import DataError
 from gmwm.measuring.variance.biweight import biweight
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients
-from gmwm.measuring.variance.robust import SAMPLE, robust_variance, robust_variances
+from gmwm.measuring.variance.robust import SAMPLED_COEFFICIENTS, robust_variance, robust_variances
 from tests.helpers import only, raises
 
 ORACLES = Path(__file__).resolve().parents[1] / "oracles"
@@ -199,7 +199,7 @@ def test_large_signals_take_three_passes_at_most():
 
 @pytest.mark.slow
 @deterministic
-@given(seeds, st.integers(3, 3 * SAMPLE), st.sampled_from([0.4, 0.6, 0.9]))
+@given(seeds, st.integers(3, 3 * SAMPLED_COEFFICIENTS), st.sampled_from([0.4, 0.6, 0.9]))
 def test_plain_coefficients_take_the_same_root(seed, size, efficiency):
     w = rng(seed).standard_t(4, size=size)
     tuning = biweight(efficiency)

@@ -10,10 +10,10 @@ from gmwm import wavelet_variance
 from gmwm.base import _core
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
-from gmwm.measuring.variance.rise import KEPT, ThinnedValues
+from gmwm.measuring.variance.rise import MOST_STORED, ThinnedValues
 from gmwm.measuring.variance.robust import robust_variance
 from gmwm.measuring.variance.second_pass import SecondPass
-from gmwm.measuring.variance.second_pass_sums import MOST, MedianCells
+from gmwm.measuring.variance.second_pass_sums import MOST_CELLS, MedianCells
 from gmwm.recording.signals import Signal
 from tests.helpers import raises
 
@@ -249,7 +249,7 @@ def test_of_the_first_pass_nothing_changes():
 def test_cells_are_the_same_in_any_grouping():
     sizes = np.abs(1.0 + 1e-3 * white(500_000))
     whole = MedianCells.of(sizes)
-    assert whole.cells.size <= MOST
+    assert whole.cells.size <= MOST_CELLS
     for seed in range(3):
         cuts = np.sort(rng(seed).integers(0, sizes.size, size=6))
         parts = [MedianCells.of(part) for part in np.split(sizes, cuts)]
@@ -281,7 +281,7 @@ def test_cells_know_ranks():
 def test_some_values_are_the_same_however_they_come(start):
     x = white(100_001)
     whole = ThinnedValues.of(x, start)
-    assert KEPT / 2 < whole.values.size <= KEPT
+    assert MOST_STORED / 2 < whole.values.size <= MOST_STORED
     np.testing.assert_array_equal(whole.values, x[np.arange(start, start + x.size) % whole.every == 0])
     for seed in range(3):
         cuts = np.unique(np.concatenate([[0], rng(seed).integers(0, x.size, size=9), [x.size]]))

@@ -14,7 +14,7 @@ import gmwm
 from gmwm.base import _core
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.measuring.variance.robust import robust_variance, robust_variances
-from gmwm.measuring.variance.sketch import BEYOND, OCTAVE, Sketch, SketchCoefficients, Sketches
+from gmwm.measuring.variance.sketch import BEYOND, BINS_OF_OCTAVE, Sketch, SketchCoefficients, Sketches
 from tests.helpers import raises
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)
@@ -89,7 +89,7 @@ def test_stored_and_restored(seed):
 def test_scaling_by_a_power_of_two_moves_octaves_and_nothing_else(power):
     w = white(5000)
     rows, moved = Sketch.of(w).to_array(), Sketch.of(np.ldexp(w, power)).to_array()
-    np.testing.assert_array_equal(moved, rows + np.array([OCTAVE * power, 0, 0]))
+    np.testing.assert_array_equal(moved, rows + np.array([BINS_OF_OCTAVE * power, 0, 0]))
     if abs(power) < 100:
         assert sketched(np.ldexp(w, power)) == math.ldexp(sketched(w), 2 * power)
 
@@ -110,7 +110,14 @@ def test_haar_is_the_sketch_of_its_coefficients(seed, level, one, other):
     cut = Sketch.of_haar(total, level, begin, (begin + end) // 2)
     assert same(cut.merge(Sketch.of_haar(total, level, (begin + end) // 2, end)), found)
     bins, counts, sums = found.to_array().T
-    mean = np.sum((bins % OCTAVE + OCTAVE + sums / counts / 2**24) * 2.0 ** (bins // OCTAVE - 1023) * counts) / OCTAVE
+    mean = (
+        np.sum(
+            (bins % BINS_OF_OCTAVE + BINS_OF_OCTAVE + sums / counts / 2**24)
+            * 2.0 ** (bins // BINS_OF_OCTAVE - 1023)
+            * counts
+        )
+        / BINS_OF_OCTAVE
+    )
     assert mean == pytest.approx(np.abs(part).sum(), rel=1e-8, abs=0)
 
 
@@ -126,7 +133,12 @@ def test_edges_of_double_precision():
     w = [0.0, -0.0, tiny, 2.0**-1030, 2.0**-1029, 2.0**-1022, 1.0, -1.0, 1.7976931348623157e308, math.inf, math.nan]
     rows = Sketch.of(w).to_array()
     assert rows.tolist()[0] == [0, 4, 0]
-    assert rows.tolist()[1:5] == [[1, 1, 0], [OCTAVE, 1, 0], [1023 * OCTAVE, 2, 0], [BEYOND - 1, 1, 2**24 - 1]]
+    assert rows.tolist()[1:5] == [
+        [1, 1, 0],
+        [BINS_OF_OCTAVE, 1, 0],
+        [1023 * BINS_OF_OCTAVE, 2, 0],
+        [BEYOND - 1, 1, 2**24 - 1],
+    ]
     assert rows.tolist()[5] == [BEYOND, 2, 0]
     # All but the five that are zero or not finite have their value back.
     source = SketchCoefficients([Sketch.of(w[:9])], [0.0])

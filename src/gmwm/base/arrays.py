@@ -19,6 +19,9 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 """A two-dimensional float64 array."""
 
+NEGLIGIBLE_EXPONENT = 40.0
+"""x beyond which e^(−x) = 4·10⁻¹⁸ is below the rounding error of 1."""
+
 MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x, rate)`; do not remove them."
 """Advice for NaN and masked values. Cutting them out would join samples that are not neighbours in time."""
 

@@ -131,7 +131,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-DEEPEST = 64
+DEEPEST_DOCUMENT = 64
 """Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
 stack."""
 
@@ -141,14 +141,14 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except RecursionError:
-        raise ValueError(f"lists or objects are nested more than {DEEPEST} deep") from None
+        raise ValueError(f"lists or objects are nested more than {DEEPEST_DOCUMENT} deep") from None
     layer = [content] if isinstance(content, dict | list) else []
-    for _ in range(DEEPEST):
+    for _ in range(DEEPEST_DOCUMENT):
         inside = [item for parent in layer for item in (parent.values() if isinstance(parent, dict) else parent)]
         # Smallest whole number that is infinite as a floating-point number.
         if not all(abs(item) < (1 << 1024) for item in inside if isinstance(item, int | float)):
             raise ValueError("a number is not finite")
         layer = [item for item in inside if isinstance(item, dict | list)]
     if layer:
-        raise ValueError(f"lists or objects are nested more than {DEEPEST} deep")
+        raise ValueError(f"lists or objects are nested more than {DEEPEST_DOCUMENT} deep")
     return content

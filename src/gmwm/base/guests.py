@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
@@ -10,6 +9,7 @@ from typing import Any
 
 from gmwm.base.errors import GmwmWarning
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import warn
 
 
 @cache
@@ -24,4 +24,4 @@ def admit_guests(group: str, admit: Callable[[str, Any], object]) -> None:
             package = point.dist.name if point.dist is not None else point.value
             reason = f"{type(error).__name__}: {error}"
             remark = Remark.of("guest-unusable", name=point.name, group=group, package=package, reason=reason)
-            warnings.warn(GmwmWarning(remark), stacklevel=2)
+            warn(GmwmWarning(remark), stacklevel=2)

@@ -27,7 +27,7 @@ _WORDS: Mapping[Any, str] = {
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
 _POSITIVE = {
-    "rate", "samples", "levels", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms", "length",
+    "rate", "samples", "counts", "segments", "strides", "degrees_of_freedom", "freedom", "freedoms", "length",
     "blocks", "comparisons", "frequency", "recordings", "tau",
 }  # fmt: skip
 _NOT_NEGATIVE = {
@@ -43,7 +43,7 @@ _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
 matrices without negative eigenvalues. A field has the same meaning in all classes."""
 LARGEST_COUNT = 1 << 62
 """Largest number of samples or of anything else that is counted."""
-LARGEST = 1e150
+LARGEST_NUMBER = 1e150
 """Largest finite number in a document, and largest inverse of a number above zero. The square of a larger number
 overflows."""
 
@@ -75,7 +75,7 @@ class Document:
 def require_kinds(found: Any, where: str, document: Document) -> None:
     """Raise an error if a field of a result does not have the type of its annotation, or the range that its name
     implies (counts, errors, shares in `shares`, …). An integer is allowed for a float, NaN only with `marks_with_nan`.
-    Arrays have equal lengths, and covariances no negative eigenvalue. Numbers are at most `LARGEST`, counts
+    Arrays have equal lengths, and covariances no negative eigenvalue. Numbers are at most `LARGEST_NUMBER`, counts
     `LARGEST_COUNT`."""
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
@@ -120,7 +120,7 @@ def _require(value: Any, kind: Any, key: str, document: Document) -> None:
     if isinstance(value, Remark):  # checked when it was read
         return
     if _is_too_large(value):
-        raise document.error(f"{key} has a number above {LARGEST:g}")
+        raise document.error(f"{key} has a number above {LARGEST_NUMBER:g}")
     if is_dataclass(value):  # a datasheet is a mapping too
         require_kinds(value, key, document)
     elif isinstance(value, Mapping):
@@ -141,8 +141,8 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
     numbers = _numbers_of(value)
     if name in _POSITIVE and np.any(numbers <= 0):
         raise document.error(f"{key} must be above zero; got {_value_text(value)}")
-    if name in _POSITIVE and np.any(numbers < 1 / LARGEST):
-        raise document.error(f"{key} must be at least {1 / LARGEST:g}; got {_value_text(value)}")
+    if name in _POSITIVE and np.any(numbers < 1 / LARGEST_NUMBER):
+        raise document.error(f"{key} must be at least {1 / LARGEST_NUMBER:g}; got {_value_text(value)}")
     if name in _NOT_NEGATIVE and np.any(numbers < 0):
         raise document.error(f"{key} must not be negative; got {_value_text(value)}")
     if name in _POSITIVE | _NOT_NEGATIVE and isinstance(value, int) and value > LARGEST_COUNT:
@@ -187,11 +187,11 @@ def _value_text(value: Any) -> str:
 
 
 def _is_too_large(value: Any) -> bool:
-    """Return whether a number, or a number of an array, is finite and larger than `LARGEST`."""
+    """Return whether a number, or a number of an array, is finite and larger than `LARGEST_NUMBER`."""
     if isinstance(value, np.ndarray):
         sizes = np.abs(value)
-        return bool(np.any((sizes > LARGEST) & (sizes != np.inf)))
-    return isinstance(value, int | float) and LARGEST < abs(value) != float("inf")
+        return bool(np.any((sizes > LARGEST_NUMBER) & (sizes != np.inf)))
+    return isinstance(value, int | float) and LARGEST_NUMBER < abs(value) != float("inf")
 
 
 def array_type(kind: Any) -> Any:

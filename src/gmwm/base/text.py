@@ -12,6 +12,9 @@ from unicodedata import category
 
 T = TypeVar("T")
 
+TEXT_WIDTH = 80
+"""Largest number of columns of a text on a terminal, its usual width."""
+
 
 @cache
 def version() -> str:

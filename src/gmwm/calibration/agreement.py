@@ -19,13 +19,11 @@ from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
+from gmwm.choosing.selection.structure import slow_terms
 from gmwm.files.importers.quantities import as_reference
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
-from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model
-from gmwm.theory.processes.noise import QN, WN
-from gmwm.theory.processes.sinusoid import SIN
 
 _SLOW = ("R",)
 """Symbols of the datasheet numbers that depend on the slow terms of a model."""
@@ -176,7 +174,7 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         usable = [(entry, _reach(sheet.level)) for entry, sheet in pairs if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""
-        reason = "one recording" if len(pairs) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
+        reason = "models" if not alike else "one recording" if len(pairs) < 2 else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(
             SharedNumber(
@@ -192,15 +190,7 @@ def _alike(symbol: str, models: Sequence[str]) -> bool:
     Q and B on the Allan deviation. R depends on the slow terms; others are parameters of one term."""
     if symbol not in LAWS:
         return len(set(models)) == 1
-    return symbol not in _SLOW or len({_slow_terms(model) for model in models}) == 1
-
-
-def _slow_terms(model: str) -> tuple[str, ...]:
-    """Return the sorted names of the terms of a model that are not white noise, quantization noise, short-memory noise
-    or sinusoids."""
-    processes = Model.parse(model).processes
-    fast = (WN, QN, SIN, Lagged)
-    return tuple(sorted(p.name for p in processes if not isinstance(p, fast)))
+    return symbol not in _SLOW or len({slow_terms(Model.parse(model)) for model in models}) == 1
 
 
 def _is_known(entry: Entry) -> bool:

@@ -15,7 +15,6 @@ from gmwm.calibration.agreement_text import summary
 from gmwm.calibration.tables import number
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.quantities import Reference
-from gmwm.measuring.variance.allan_regression import LAWS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +34,9 @@ class SharedNumber(Documented):
     agrees : bool or None
         Whether `adjusted` is above the significance level; None if the number was not tested.
     reason : str
-        Why the number was not tested: "one recording" (only one has it), "models" (the models differ), "kinds" (B has
-        different definitions) or "interval" (fewer than two values have a confidence interval); "" if it was tested.
+        Why the number was not tested: "models" (it depends on the model, and the models differ), "one recording" (only
+        one has it), "kinds" (B has different definitions) or "interval" (fewer than two values have a confidence
+        interval); "" if it was tested.
     reference : Reference or None
         The reference value, for example of the manufacturer; None if none was given.
     """
@@ -207,7 +207,7 @@ def _remarks(found: Agreement) -> Iterator[Remark]:
             yield Remark.of("drift", _name(row), case="ramps")
     for axis, models in found.models.items():
         if len({model for model in models if model is not None}) > 1:
-            yield Remark.of("not-compared", axis, case="models", numbers=tuple(LAWS))
+            yield Remark.of("not-compared", axis, case="models", numbers=("N", "K", "B", "Q"))
     for row in found.rows:
         if row.reason == "kinds":
             yield Remark.of("not-compared", _name(row), case="kinds")

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import round_text, table_with_rule
-from gmwm.calibration.tables import WIDTH, bullet, key, number, wrap_text
+from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
+from gmwm.calibration.tables import bullet, key, number, wrap_text
 from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
 def _heads(found: Agreement) -> tuple[list[str], list[str]]:
     """Return the column headings, and lines that explain them. If the names of the recordings are too long for a table,
     the headings are numbers, and the lines list the names."""
-    if sum(len(label) + 2 for label in found.labels) <= WIDTH - 24:
+    if sum(len(label) + 2 for label in found.labels) <= TEXT_WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
     return numbers, [line for k, label in zip(numbers, found.labels, strict=True) for line in wrap_text(f"{k} {label}")]
@@ -55,7 +55,7 @@ def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[l
         for start in range(0, len(heads), count):
             part = range(start, min(start + count, len(heads)))
             lines += [*([""] if lines else []), *table_with_rule(rows([heads[k] for k in part], part))]
-        if max(map(len, lines)) <= WIDTH:
+        if max(map(len, lines)) <= TEXT_WIDTH:
             break
     return lines
 

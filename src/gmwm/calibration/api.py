@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from distributed import Client
 
-    from gmwm.calibration.calibrate_recordings import Data, Progress, Several
+    from gmwm.base.reporting import Progress
+    from gmwm.calibration.calibrate_recordings import Data, Several
     from gmwm.calibration.result import Calibration
 
 
@@ -26,7 +27,7 @@ def calibrate(
     warmup: Literal["omit", "keep"] = "omit",
     axes: str | Sequence[str] | None = None, models: Mapping[str, ModelLike] | None = None,
     repeated: Literal["auto", "keep"] = "auto", threads: int | None = None,
-    scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
+    scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | Literal[True] | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
 
@@ -36,7 +37,7 @@ def calibrate(
 
     Parameters
     ----------
-    data : Imu, Signal, Stream; a list of these; or mapping of axis to Signal, WaveletVariance or a pair of these
+    data : Imu, Signal, Stream or data frame; a list of these; or mapping of axis to Signal, WaveletVariance or a pair
         A recording of a sensor at rest, or a list (or a mapping of name to Imu or Stream) of several recordings of one
         unit. For several recordings, each axis has one model, which is fitted to the mean of their curves, and the
         intervals include the spread between them; `calibration.axes[axis].replicates` compares the recordings. A Stream
@@ -88,8 +89,9 @@ def calibrate(
     scheduler, workers : optional
         Processes that read a stream in parallel: the address or client of a Dask scheduler, or a number of local
         processes. The fits run in the calling process.
-    progress : function of (done, all, text), optional
-        Function that is called after each step, and repeatedly while a stream is read, by one thread at a time.
+    progress : True, or function of (done, all, text), optional
+        True shows a progress bar, also in a notebook. A function is called after each step, and repeatedly while a
+        stream is read, by one thread at a time. The logger "gmwm" gets each step at the level INFO.
 
     Returns
     -------
@@ -124,6 +126,8 @@ def calibrate(
         models={} if models is None else models,
         repeated=repeated,
     )  # fmt: skip
+    from gmwm.base.reporting import reported
     from gmwm.calibration.calibrate_recordings import calibrate_recording
 
-    return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
+    with reported(progress, "calibrating") as show:
+        return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=show)

@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
-from gmwm.choosing.datasheets.limits import WIDEST
+from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
 from gmwm.fitting.estimation.result import Fit
@@ -17,27 +17,26 @@ from gmwm.measuring.spectrum import Line
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Parameter
 
-LIKELY = 0.02
+LEAST_WEIGHT = 0.02
 """Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""
-EQUIVALENT = 4.0
+EQUIVALENT_DIFFERENCE = 4.0
 """Limit for the criterion of a model minus the best criterion, if the test finds the model equivalent to the best one.
 A larger difference is replaced by this limit, because it is due to chance (docs/validation/sensors.md)."""
-MOST = 5
+MOST_MODELS = 5
 """Largest number of models in the average."""
-ALIKE = 5.0
+SAME_PROCESS_RATIO = 5.0
 """Largest ratio of the correlation times of Gauss-Markov terms in two models that are treated as the same process."""
 OF_WHITE = ("N",)
 """Symbol of white noise. In a model without white noise that fits as well, a fast process takes its place, so such a
 model says nothing about the white noise of another one."""
-UNKNOWN = 1e4
+UNDETERMINED_RATIO = 1e4
 """Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
-_LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 _LINE = ("f_0", "A")
 WALK = "K"
 """Symbol of the rate random walk in a datasheet."""
-SLOW = 0.01
+WALK_SHARE = 0.01
 """Smallest correlation time of a Gauss-Markov term, relative to the length of the recording, for which the term is
 treated as a random walk with K = q_c (docs/validation/sensors.md)."""
 
@@ -120,11 +119,11 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
     for candidate in ranking.distinct:
         difference = candidate.difference
         if candidate.equivalent:
-            difference = min(difference, EQUIVALENT)
+            difference = min(difference, EQUIVALENT_DIFFERENCE)
         weight = math.exp(-difference / 2)
-        if weight >= LIKELY or candidate.recommended:
+        if weight >= LEAST_WEIGHT or candidate.recommended:
             weighted.append((weight, candidate))
-    return sorted(weighted, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST]
+    return sorted(weighted, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST_MODELS]
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
@@ -159,7 +158,7 @@ def with_band(
     def with_interval(entry: Entry) -> Entry:
         if not entry.held or entry.symbol not in errors:
             return entry
-        by = math.exp(min(reach * errors[entry.symbol], _LARGEST))
+        by = math.exp(min(reach * errors[entry.symbol], 700.0))  # e^700 is near the largest double
         return replace(entry, low=entry.value / by, high=entry.value * by, held=False)
 
     amplitudes = {entry.term: entry.value for entry in sheet.values() if _base(entry.symbol) == _LINE[1]}
@@ -179,9 +178,9 @@ def _line_errors(sheet: Datasheet, lines: Iterable[Line]) -> dict[str, float]:
 
 
 def _is_determined(sheet: Datasheet) -> bool:
-    """Return whether the interval of q_c of every Gauss-Markov term is narrow enough (see `UNKNOWN`)."""
+    """Return whether the interval of q_c of every Gauss-Markov term is narrow enough (see `UNDETERMINED_RATIO`)."""
     driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]
-    return all(entry.low and entry.high and entry.high <= UNKNOWN * entry.low for entry in driving)
+    return all(entry.low and entry.high and entry.high <= UNDETERMINED_RATIO * entry.low for entry in driving)
 
 
 def _widen(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datasheet]], level: float) -> Entry:
@@ -226,7 +225,7 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
         return None
     near = [symbol for symbol, e in other.items() if _base(symbol) == _TIMES[0] and e.value > 0]
     symbol = min(near, key=lambda name: abs(math.log(other[name].value / time.value)), default=None)
-    if symbol is None or abs(math.log(other[symbol].value / time.value)) > math.log(ALIKE):
+    if symbol is None or abs(math.log(other[symbol].value / time.value)) > math.log(SAME_PROCESS_RATIO):
         return None
     return other.get(base + symbol.removeprefix(_TIMES[0]))
 
@@ -239,8 +238,9 @@ def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
 
 
 def _slow(times: Mapping[str, float], duration: float) -> dict[str, float]:
-    """Return only those correlation times (s) that are long enough to treat the term as a random walk (see `SLOW`)."""
-    return {name: time for name, time in times.items() if time >= SLOW * duration}
+    """Return only those correlation times (s) that are long enough to treat the term as a random walk (see
+    `WALK_SHARE`)."""
+    return {name: time for name, time in times.items() if time >= WALK_SHARE * duration}
 
 
 def is_walk(process: Process, rate: float) -> bool:
@@ -258,7 +258,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     if walk is None or walk.upper_only or walk.held or not walks:
         return None
     for candidate in ranking.distinct:
-        if candidate.difference <= EQUIVALENT and not candidate.recommended:
+        if candidate.difference <= EQUIVALENT_DIFFERENCE and not candidate.recommended:
             model = candidate.fit.model
             terms = {t: p for t, p in zip(model.terms, model.processes, strict=True) if p.scale > 0}
             if any(is_walk(process, sheet.rate) for process in terms.values()):
@@ -300,7 +300,7 @@ def _narrow_enough(parameter: Parameter | None, interval: tuple[float, float]) -
     a variance counts by its square root."""
     low, high = interval
     power = None if parameter is None else parameter.scale_power
-    if low <= 0 or high <= low * WIDEST ** (1.0 if power is None else 2.0 / power):
+    if low <= 0 or high <= low * WIDEST_INTERVAL ** (1.0 if power is None else 2.0 / power):
         return interval
     return 0.0, math.inf if power is None else high
 
@@ -310,4 +310,4 @@ def _scale(value: float, ratio: float, power: float) -> float:
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
     exponent = power * math.log(ratio)
-    return value * math.exp(exponent) if exponent < _LARGEST else math.inf
+    return value * math.exp(exponent) if exponent < 700.0 else math.inf

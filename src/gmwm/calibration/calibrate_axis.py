@@ -13,7 +13,7 @@ from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelErro
 from gmwm.base.text import counted
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
-from gmwm.calibration.findings import LEAST_SCALES, WANTED
+from gmwm.calibration.findings import LEAST_SCALES, PLANNED_ERROR
 from gmwm.calibration.measure import MeasuredAxis
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.rest import bias_at_rest
@@ -24,31 +24,21 @@ from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
 from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import settle
-from gmwm.fitting.inference.planning import SEEN, relative_errors
+from gmwm.fitting.inference.planning import CERTAIN_ERROR, relative_errors
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.walk import RW
 
-STAGES = ("measured", "model chosen", "fitted", "judged")
+STAGES = ("measured", "model chosen", "fitted")
 """Names of the steps of the calibration of one axis, as the progress callback gets them."""
 
 
-def calibrate_axis(
-    measured: MeasuredAxis, options: CalibrationOptions, *, advance: Callable[[str], None] = lambda _: None,
-    check: Callable[[], None] = lambda: None,
-) -> AxisCalibration:  # fmt: skip
-    """Choose the model of an axis, fit it, and judge the fit. `advance` is called with the name of each finished stage,
-    `check` often; it may raise to end the work. Raises a GmwmError if, for example, the recording is too short."""
+def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: CalibrationOptions) -> AxisCalibration:
+    """Fit the chosen model of an axis, and compute its numbers and their uncertainty."""
     options = options.of_axis(measured.axis)
-    curve, level = measured.curve(options), options.confidence
-    require_scales(curve)
-    advance(STAGES[0])
-    choice = choose_model(curve, measured.spectrum, options, check=check)
-    ranking = choice.ranking
-    advance(STAGES[1])
+    curve, level, ranking = measured.curve(options), options.confidence, choice.ranking
     fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
-    advance(STAGES[2])
     lines = () if measured.spectrum is None else measured.spectrum.lines
     sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
     raw = measured.raw_curve(options)
@@ -66,15 +56,17 @@ def calibrate_axis(
     )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
-    advance(STAGES[3])
     return axis
 
 
 def choose_model(
-    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *, check: Callable[[], None]
-) -> ModelChoice:
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
+    check: Callable[[], None] = lambda: None,
+) -> ModelChoice:  # fmt: skip
     """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
-    options of the axis say. `check` is called often and may raise to stop."""
+    options of the axis say. `check` is called often and may raise to stop. Raises a GmwmError if, for example, the
+    recording is too short."""
+    require_scales(wv)
     if options.models:
         return given_model(options.general, wv, options.ranking)
     if options.searched:
@@ -138,7 +130,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
     parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
     cannot distinguish a term from a simpler process, because theory cannot predict the error."""
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
-    poor = [name for name, share in shares if share > SEEN]
+    poor = [name for name, share in shares if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
     terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
@@ -151,7 +143,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
         for name, error in zip(names, errors.tolist(), strict=True):
             term, _, parameter = name.partition(".")
             name_in_fit = f"{label[term]}.{parameter}"
-            if lengths.get(name_in_fit) == math.inf and error <= WANTED:
+            if lengths.get(name_in_fit) == math.inf and error <= PLANNED_ERROR:
                 lengths[name_in_fit] = samples / fit.wavelet_variance.rate
         if math.inf not in lengths.values():
             break

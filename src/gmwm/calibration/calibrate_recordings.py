@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import Progress
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import recording_additions
-from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis
+from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis, choose_model
 from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import SIZE
+from gmwm.calibration.findings import TEST_SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.number_verdicts import with_limits
 from gmwm.calibration.options import CalibrationOptions
@@ -22,6 +22,8 @@ from gmwm.calibration.passes import Execution
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.choosing.selection.search import ModelChoice
+from gmwm.choosing.selection.shared_form import with_shared_form
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.outliers import Verdict
 from gmwm.recording.batches import Streamed
@@ -31,13 +33,13 @@ from gmwm.recording.signals import Imu, Signal
 if TYPE_CHECKING:
     from distributed import Client
 
+T = TypeVar("T")
+Item = TypeVar("Item")
+
 Data = Imu | Signal | Streamed | Mapping[str, AxisInput]
 """Data of one recording."""
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
-Progress = Callable[[int, int, str], None]
-"""Progress callback. Its arguments are the number of finished steps, the total number of steps, and a description of
-the last step."""
 
 
 def calibrate_recording(
@@ -53,34 +55,36 @@ def calibrate_recording(
     run = Execution(threads=threads, scheduler=scheduler, workers=workers, progress=steps.read)
     measured, inspections, findings = measure(recordings, options, run)
 
-    def work(axis: str, item: MeasuredAxis | GmwmError) -> AxisCalibration | GmwmError:
-        try:
-            if isinstance(item, GmwmError):
-                raise item
-            advance = partial(steps.step, axis)
-            if helpers is None:
-                return calibrate_axis(item, options, advance=advance, check=steps.check)
-            advance(STAGES[0])
-            calibration = helpers.run(calibrate_axis, item, options)
-            for stage in STAGES[1:]:
-                advance(stage)
-            return calibration
-        except OptionError:
-            raise
-        except GmwmError as error:
-            return error
+    failed = {axis: item for axis, item in measured.items() if isinstance(item, GmwmError)}
+    items = {axis: item for axis, item in measured.items() if isinstance(item, MeasuredAxis)}
+
+    def choose(axis: str, item: MeasuredAxis) -> ModelChoice:
+        steps.step(axis, STAGES[0])
+        of_axis = options.of_axis(axis)
+        curve, spectrum = item.curve(of_axis), item.spectrum
+        if helpers is None:
+            choice = choose_model(curve, spectrum, of_axis, check=steps.check)
+        else:
+            choice = helpers.run(choose_model, curve, spectrum, of_axis)
+        steps.step(axis, STAGES[1])
+        return choice
+
+    def calibrated(axis: str, choice: ModelChoice) -> AxisCalibration:
+        result = (helpers or Helpers()).run(calibrate_axis, items[axis], choice, options)
+        steps.step(axis, STAGES[2])
+        return result
 
     try:
-        results = in_threads(work, measured, threads=threads)
+        choices = with_shared_form(_results(choose, items, failed, threads))
+        axes = _results(calibrated, choices, failed, threads)
     except BaseException:
         steps.stop()
         raise
-    axes = {axis: item for axis, item in results.items() if isinstance(item, AxisCalibration)}
-    failed = {axis: item for axis, item in results.items() if isinstance(item, GmwmError)}
+    failed = {axis: failed[axis] for axis in measured if axis in failed}
     if not axes:
         axis, error = next(iter(failed.items()))
         raise error.at(f"no axis can be calibrated; {axis}") from error
-    verdicts = {axis: item.verdicts for axis, item in measured.items() if isinstance(item, MeasuredAxis)}
+    verdicts = {axis: item.verdicts for axis, item in items.items()}
     descriptions = {name: Recording.of(of_parts[0]) for name, of_parts in inspections.items() if of_parts}
     calibration = Calibration(
         axes=axes,
@@ -96,6 +100,24 @@ def calibrate_recording(
         recordings={name: item for name, item in descriptions.items() if name},
     )
     return with_limits(calibration)
+
+
+def _results(
+    work: Callable[[str, Item], T], items: Mapping[str, Item], failed: dict[str, GmwmError], threads: int | None
+) -> dict[str, T]:
+    """Call a function for each axis in threads, and return the results; errors of axes are added to `failed`."""
+
+    def result_or_error(axis: str, item: Item) -> T | GmwmError:
+        try:
+            return work(axis, item)
+        except OptionError:
+            raise
+        except GmwmError as error:
+            return error
+
+    results = in_threads(result_or_error, items, threads=threads)
+    failed.update({axis: item for axis, item in results.items() if isinstance(item, GmwmError)})
+    return {axis: item for axis, item in results.items() if not isinstance(item, GmwmError)}
 
 
 def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:
@@ -119,7 +141,7 @@ def _recording_remarks(
             remarks += recording_remarks(inspection, axes, recording_verdicts)
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
-                    remarks += addition.remarks(finding, still, SIZE / len(inspections))
+                    remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))
     for name, remarks in by_recording.items():
         for remark in remarks:
             if all(remark in others for others in by_recording.values()):

@@ -14,6 +14,7 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.calibration.options import CalibrationOptions
+from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Streamed
 from gmwm.recording.signals import Imu, Signal
@@ -89,8 +90,8 @@ def recordings_by_name(data: Any) -> dict[str, Any]:
     if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Streamed) for item in data.values()):
         return dict(data)
     if not isinstance(data, list | tuple):
-        return {"": data}
-    items = [Imu({item.axis or "signal": item}) if isinstance(item, Signal) else item for item in data]
+        return {"": as_recording(data)}
+    items = [Imu({item.axis or "signal": item}) if isinstance(item, Signal) else as_recording(item) for item in data]
     for item in items:
         if not isinstance(item, Imu | Streamed):
             raise OptionError(

@@ -18,7 +18,7 @@ from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
-from gmwm.fitting.inference.planning import SEEN
+from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.recording.repairs import axes_with_two_levels
@@ -32,28 +32,28 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
 
-SIZE = 0.05
+TEST_SIZE = 0.05
 """Significance level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
-SCALES = 7
+LEAST_SCALES_FOR_USE = 7
 """Smallest number of usable scales for which the numbers of a calibration can be used. With fewer scales, the selection
 misses one of two terms, whose curves cross at a scale of 16 samples, in more than half of the recordings
 (tests/calibration/test_short.py)."""
-SHORTEST = 2.0
+LEAST_LONGEST_SCALE_S = 2.0
 """Smallest longest usable scale (s) at which B and K can be used. Pinned by tests/calibration/test_short.py."""
 LEAST_SCALES = 4
 """Smallest number of usable scales for which a recording is calibrated. With fewer scales, the selection recommends a
 model other than white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
-WANTED = 0.2
+PLANNED_ERROR = 0.2
 """Relative standard error that the recommended recording lengths achieve (tests/calibration/test_calibrate.py)."""
-CLOSE = 0.05
+CLOSE_MISFIT = 0.05
 """Largest relative misfit for which a rejected model can still be used. The misfit is taken over the scales with more
 than 30 degrees of freedom. Datasheet numbers are square roots of variances, so their relative error is about half of
 the misfit (docs/validation/sensors.md)."""
-LARGE = 1.5
+LARGE_MISFIT = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
-LEFT = 0.01
+SMALL_OUTLIER_SHARE = 0.01
 """Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
@@ -114,7 +114,7 @@ def rejected_axes(calibration: Calibration) -> list[str]:
         for axis, axis_calibration in calibration.axes.items()
         if axis_calibration.test is not None
     }
-    return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
+    return [axis for axis, test in tests.items() if test.pvalue < TEST_SIZE / len(tests)]
 
 
 def certificate_of(fits: Collection[Fit]) -> Remark | None:
@@ -153,9 +153,11 @@ def _of_axis(
 ) -> Iterator[Remark]:
     wv = axis_calibration.fit.wavelet_variance
     scales = int(np.count_nonzero(usable_levels(wv)))
-    if scales < SCALES:
-        yield Remark.of("too-short", axis, case="scales", least=SCALES, scales=scales, numbers=("all numbers",))
-    elif (longest := float(wv.tau[usable_levels(wv)][-1])) < SHORTEST:
+    if scales < LEAST_SCALES_FOR_USE:
+        yield Remark.of(
+            "too-short", axis, case="scales", least=LEAST_SCALES_FOR_USE, scales=scales, numbers=("all numbers",)
+        )
+    elif (longest := float(wv.tau[usable_levels(wv)][-1])) < LEAST_LONGEST_SCALE_S:
         yield Remark.of("too-short", axis, case="seconds", scale=Quantity(longest, "s"), numbers=("B", "K", "R"))
     if is_rejected:
         yield _rejection(axis, axis_calibration)
@@ -176,12 +178,12 @@ def _of_axis(
 def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
     """Return the remark on a rejected model, which depends on its largest distance from the data."""
     misfit = axis_calibration.misfit
-    if misfit is not None and misfit.largest <= CLOSE:
+    if misfit is not None and misfit.largest <= CLOSE_MISFIT:
         return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * axis_calibration.model_error)
     sinusoid = line_process()
     has_line = "yes" if sinusoid is None or line_in(axis_calibration.fit.model) is not None else "no"
     far = misfit_of(axis_calibration)
-    if far is None or far.times <= LARGE:
+    if far is None or far.times <= LARGE_MISFIT:
         return Remark.of("model-rejected", axis, case="calibration", line=has_line, sinusoid=sinusoid or "")
     side = "above" if far.ratio > 1 else "below"
     numbers = far.numbers or ("the numbers of this axis",)
@@ -262,7 +264,7 @@ def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibratio
         percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
         # The interval ends two standard errors below N; a bias of less than one error is within it.
         error = 0.0 if white.low is None else 50 * (1 - white.low / white.value)
-        if share > LEFT and percent > error:
+        if share > SMALL_OUTLIER_SHARE and percent > error:
             yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent, numbers=("N",))
     if replaced.spikes:
         yield Remark.of("samples-replaced", axis, case="spikes", count=replaced.spikes, largest=replaced.largest)
@@ -298,7 +300,14 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     endless = any(seconds == math.inf for seconds in needed.values())
     way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
     return Remark.of(
-        "poorly-known", axis, case="fit", parameters=parameters, seen=SEEN, wanted=WANTED, lengths=lengths, way=way
+        "poorly-known",
+        axis,
+        case="fit",
+        parameters=parameters,
+        seen=CERTAIN_ERROR,
+        wanted=PLANNED_ERROR,
+        lengths=lengths,
+        way=way,
     )
 
 

@@ -8,10 +8,10 @@ from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.text import counted, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, table_with_rule
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
-from gmwm.calibration.tables import SENSORS, WIDTH, number
+from gmwm.calibration.tables import SENSORS, number
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
     for sensor, axes in by_sensor(calibration.axes).items():
         lines += [*([""] if lines else []), *_table(SENSORS.get(sensor, sensor or "Axes"), axes, verdicts)]
     for axis, reason in calibration.failed.items():
-        lines.append(f"{axis}  ✗ not calibrated: {reason}"[:WIDTH])
+        lines.append(f"{axis}  ✗ not calibrated: {reason}"[:TEXT_WIDTH])
     return lines
 
 
@@ -72,7 +72,7 @@ def _table(
     for axis, result in axes.items():
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
         rows.append(["" if long else axis, *cells, model_words(result.fit.model)])
-    spare = WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
+    spare = TEXT_WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
     head_row, *axis_rows = rows
     rows, counts = [head_row], []
     for row in axis_rows:
@@ -80,14 +80,14 @@ def _table(
         rows += [[*row[:-1], first], *([*[""] * len(row[:-1]), part] for part in more)]
         counts.append(1 + len(more))
     head, rule, *lines = table_with_rule(rows)
-    if max(map(len, lines)) > WIDTH:
+    if max(map(len, lines)) > TEXT_WIDTH:
         head, rule, *lines = table_with_rule([row[:-1] for row in (head_row, *axis_rows)])
         counts = [1] * len(axis_rows)
     if long:
         ends = list(accumulate(counts))
         lines = [
             line for axis, count, end in zip(axes, counts, ends, strict=True)
-            for line in (f"  {axis}"[:WIDTH], *lines[end - count : end])
+            for line in (f"  {axis}"[:TEXT_WIDTH], *lines[end - count : end])
         ]  # fmt: skip
     return [head, rule, *lines]
 

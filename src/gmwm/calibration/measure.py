@@ -25,6 +25,7 @@ from gmwm.calibration.passes import (
 from gmwm.calibration.rest import AxisMean, means_of
 from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
+from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
 from gmwm.measuring.outliers import (
@@ -44,7 +45,7 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
-from gmwm.recording.repairs import repaired, without_jumps
+from gmwm.recording.repairs import only_axes, repaired, without_jumps
 from gmwm.recording.repairs.beginning import without_beginning
 from gmwm.recording.signals import Imu, Signal
 
@@ -191,6 +192,12 @@ def _measure_recording(
             conditions, passes = _read(steady, axes, options, run)
         inspection = passes.inspection
         if start := _warm_up(inspection, options):
+            late = {trend.axis for trend in inspection.trends if trend.settles and not trend.is_small}
+            if steadier := [axis for axis in part.axes if axis not in late]:
+                # A warm-up of one axis costs the others nothing. The list grows while it is iterated over.
+                pieces.append(only_axes(part, steadier))
+                part, steady = (only_axes(recording, sorted(late)) for recording in (part, steady))
+                axes = [axis for axis in axes if axis in late]
             part, steady = without_beginning(part, start), without_beginning(steady, start)
             # A recording without its beginning cannot be divided into parts for other processes.
             conditions, passes = _read(steady, axes, options, replace(run, scheduler=None, workers=None))
@@ -207,6 +214,7 @@ def _measure_recording(
                 raw={} if raw is None else {name: raw},
                 beginnings={name: beginnings[axis]} if axis in beginnings else {},
             )  # fmt: skip
+    inspections = with_gravity(inspections)
     curves = recordings.curves[name]
     if curves and options.conditions.terms:
         raise _no_samples(*next(iter(curves.items())))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 MAIN = ("N", "K", "B")
 """Symbols of the numbers that the verdict of a calibration counts."""
-BEYOND = 30.0
+MEMORIES_OF_FILTER = 30.0
 """Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. They contribute
 less than 1 % of the prediction error from flicker noise, and 13 % of that from a random walk, because the error of the
 filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
@@ -155,7 +155,12 @@ def _tracking_time(datasheet: Mapping[str, Entry]) -> float:
 def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
     """Return whether a misfit is at a scale that is too long to affect K of a filter. `tau` of a trend is no scale."""
     tau = remark.facts.get("tau")
-    return symbol == "K" and "walk" not in remark.facts and isinstance(tau, Quantity) and tau.value > BEYOND * tracking
+    return (
+        symbol == "K"
+        and "walk" not in remark.facts
+        and isinstance(tau, Quantity)
+        and tau.value > MEMORIES_OF_FILTER * tracking
+    )
 
 
 def _is_small(remark: Remark, entry: Entry) -> bool:

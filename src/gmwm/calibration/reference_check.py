@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 Verdict = Literal["agrees", "close", "larger", "smaller", "unusable", "unknown"]
 ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 
-CLOSE = 0.1
+CLOSE_DIFFERENCE = 0.1
 """Largest relative difference for which a reference outside the confidence interval counts as close. Datasheets round
 their numbers to two digits."""
-LEAST = 3.0
+LEAST_UNIT_RATIO = 3.0
 """Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
 _WORDS = {
@@ -292,10 +292,10 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
     value, low, high = abs(measured.value), measured.low, measured.high
     if measured.upper_only:
         assert high is not None
-        return "agrees" if reference <= high else "close" if reference <= (1 + CLOSE) * high else "larger"
+        return "agrees" if reference <= high else "close" if reference <= (1 + CLOSE_DIFFERENCE) * high else "larger"
     if low is not None and high is not None and low <= reference <= high:
         return "agrees"
-    if abs(reference / value - 1) <= CLOSE:
+    if abs(reference / value - 1) <= CLOSE_DIFFERENCE:
         return "close"
     return "larger" if reference > value else "smaller"
 
@@ -303,12 +303,12 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
 def _cause(row: ReferenceNumber, rate: float) -> str | None:
     """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion. The
     conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses."""
-    if row.factor is None or max(row.factor, 1 / row.factor) < LEAST:
+    if row.factor is None or max(row.factor, 1 / row.factor) < LEAST_UNIT_RATIO:
         return None
     distance = abs(math.log(row.factor))
     for cause, size in {"rate": math.sqrt(rate), "hour": 60.0, "degree": 180 / math.pi}.items():
         # A remark names a conversion factor that is within 15 % of the ratio: more than most confidence intervals.
-        if abs(distance - math.log(size)) < math.log1p(0.15) and size > LEAST:
+        if abs(distance - math.log(size)) < math.log1p(0.15) and size > LEAST_UNIT_RATIO:
             return cause
     return None
 

@@ -32,7 +32,7 @@ GRAVITY, GRAVITY_ERROR = 9.806, 0.016
 """Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
 level is between 9.780 m/s² at the equator and 9.832 m/s² at the poles (WGS 84); the numbers are the middle and the
 standard deviation of a uniform distribution over this range."""
-STEEPEST = 20.0
+STEEPEST_AXIS_DEG = 20.0
 """Largest angle (°) between an axis and the vertical at which the bias of the axis is computed although the attitude is
 not known. At smaller angles, the biases of the level axes change the gravity along the axis by less than 0.07 m/s²
 (tests/calibration/test_rest.py)."""
@@ -253,7 +253,7 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
         gravity[vertical] = side * g, math.hypot(error, g * angle**2)
         return gravity
     level = math.hypot(*(mean for axis, mean in accel.items() if axis != vertical))
-    if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST)):
+    if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST_AXIS_DEG)):
         # 0.2 m/s², 20 mg, is a typical limit of the unknown biases of the level accelerometers in datasheets of MEMS
         # accelerometers (tests/calibration/test_rest.py).
         off = math.hypot(error, level / g * 0.2, 0.2**2 / (2 * g))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, Severity
 from gmwm.base.text import Summarised
@@ -123,7 +124,7 @@ class AxisCalibration:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Calibration(Summarised, Plotted, Mapping[str, Fit]):
+class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
     """The calibration of an inertial sensor: a mapping of axis to the recommended Fit.
 
     Attributes
@@ -323,7 +324,9 @@ class Calibration(Summarised, Plotted, Mapping[str, Fit]):
 
         return summary(self, dialect, every=every, details=details)
 
-    def to_frame(self, units: str = "datasheet") -> DataFrame:
+    coordinates = ("axis", "symbol")
+
+    def to_polars(self, units: str = "datasheet") -> DataFrame:
         """Return the datasheet numbers of all axes as a Polars data frame, with one row for each axis and number.
 
         Parameters

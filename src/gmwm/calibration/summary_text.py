@@ -9,11 +9,11 @@ import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
-from gmwm.base.text import counted, duration_text, p_text, round_text, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.first_screen import LEGEND, axis_lines
-from gmwm.calibration.tables import SENSORS, WIDTH, bullet, in_order, key, number, with_error, wrap_text
+from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.search_steps import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -61,7 +61,7 @@ def _details(calibration: Calibration) -> list[list[str]]:
     ]
     parts.append(_legend(calibration))
     parts += [
-        [f"Why this model of {axis}?", *search_lines(result.search, WIDTH)]
+        [f"Why this model of {axis}?", *search_lines(result.search, TEXT_WIDTH)]
         for axis, result in calibration.axes.items() if result.search
     ]  # fmt: skip
     return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
@@ -110,7 +110,7 @@ def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
-        if max(map(len, lines)) <= WIDTH:
+        if max(map(len, lines)) <= TEXT_WIDTH:
             break
     return lines
 

@@ -7,15 +7,13 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import round_text
-from gmwm.fitting.inference.planning import SEEN
+from gmwm.base.text import TEXT_WIDTH, round_text
+from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
 
 if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Entry
 
-WIDTH = 80
-"""Largest number of columns of a text."""
 SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
 """Headings of the tables, by sensor."""
 
@@ -59,7 +57,7 @@ def number(entry: Entry) -> str:
     if entry.upper_only:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{round_text(high, 3)}"
     half = (high - low) / 2
-    if half > SEEN * abs(value):
+    if half > CERTAIN_ERROR * abs(value):
         return f"{round_text(low)} … {round_text(high)}"
     return f"{round_text(value, 3)} ± {round_text(100 * half / abs(value))} %" if value else round_text(value, 3)
 
@@ -77,11 +75,11 @@ def with_error(entry: Entry) -> str:
 
 def wrap_text(text: str) -> list[str]:
     """Break a text into lines of at most 80 columns."""
-    return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)
+    return textwrap.wrap(text, TEXT_WIDTH, break_long_words=True, break_on_hyphens=False)
 
 
 def bullet(text: str) -> list[str]:
     """Break the text of a list item into lines of at most 80 columns."""
     return textwrap.wrap(
-        text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
+        text, TEXT_WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
     )

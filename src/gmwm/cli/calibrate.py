@@ -14,6 +14,7 @@ import typer
 from gmwm.base.atomic_files import write_bytes
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import OptionError
+from gmwm.base.extras import is_installed
 from gmwm.base.helpers import Helpers
 from gmwm.base.helpers import helpers as helpers_of
 from gmwm.base.remarks import Dialect
@@ -43,7 +44,7 @@ from gmwm.cli.options import (
     parse_searched,
     picture_units,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, progress, text_file
+from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, optional_plots, progress, text_file
 from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
 from gmwm.cli.topics import each_topic, separate_topics
 from gmwm.measuring.regression.against import AUTO
@@ -283,11 +284,14 @@ def calibration_helpers(
     """Fork helpers that calibrate."""
     import_module("scipy.special")  # for the tests of each axis
     import_module(before)
-    return helpers_of(*(("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib") if plots else ()), count=count)
+    drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
+    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
 def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
-    """Draw the plots of a calibration: the content of each file."""
+    """Draw the plots of a calibration: the content of each file. Without Matplotlib, there are none."""
+    if not is_installed("matplotlib"):
+        return {}
     from gmwm.showing.plots.matplotlib import render
 
     return {
@@ -304,6 +308,8 @@ def calibration_files(
         text_file(folder / "calibration.json", as_text(document)),
         NewFile(folder / "report.html", found.report, "writing the report"),
         text_file(folder / "summary.txt", text + "\n"),
-        NewFile(folder / "calibration.png", lambda path: write_bytes(path, plots()["calibration.png"]), "plotting"),
-        NewFile(folder / "by_sensor.png", lambda path: write_bytes(path, plots()["by_sensor.png"]), "drawing"),
+        *optional_plots(
+            NewFile(folder / "calibration.png", lambda path: write_bytes(path, plots()["calibration.png"]), "plotting"),
+            NewFile(folder / "by_sensor.png", lambda path: write_bytes(path, plots()["by_sensor.png"]), "drawing"),
+        ),
     )

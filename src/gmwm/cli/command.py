@@ -6,11 +6,14 @@ from collections.abc import Callable
 from dataclasses import fields
 from functools import wraps
 from inspect import Parameter, Signature, signature
+from pathlib import Path
 from typing import Any, get_type_hints
 
+from gmwm.base.extras import library
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
+from gmwm.cli.settings import with_settings
 from gmwm.recording.options import ReadOptions
 
 
@@ -39,10 +42,12 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     def run(**declared: Any) -> None:
         json = declared["json"] if own_json else declared.pop("json")
         every = declared.pop("all_remarks")
+        if declared.get("plot") is not None:
+            library("matplotlib")  # before the work, which may take minutes
         with collect_warnings(every=every) as warned:
             if reads is not None:
-                read = ReadOptionTexts(**{field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)})
-                declared[reads] = read.parse()
+                options = {field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)}
+                declared[reads] = ReadOptionTexts(**with_settings(options, Path.cwd())).parse()
             finish(function(**declared), warned, json=json, every=every)
 
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]

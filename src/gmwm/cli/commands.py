@@ -35,6 +35,8 @@ NAMES = {
     "monitor": "Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, "
     "lost samples.",
     "agree": "Test whether calibrations of one unit agree with each other, or with a reference.",
+    "consistency": "Test whether a filter with the calibrated noise claims the error that it makes on a recording at "
+    "rest.",
     "budget": "Compute how attitude, velocity and position errors of unaided inertial navigation grow.",
     "export": "Write the noise of a calibrated unit in the format of another program.",
     "explain": "Explain a message: what it means for the results, and what to do.",
@@ -99,6 +101,13 @@ class Program(OneLineErrors):
         self._lists = True
         super().format_help(ctx, formatter)
         self._lists = False
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return the names and first sentences of the commands that a shell proposes."""
+        self._lists = True
+        proposals = super().shell_complete(ctx, incomplete)
+        self._lists = False
+        return proposals
 
 
 def help_text(text: str | None) -> str:

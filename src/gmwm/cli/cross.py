@@ -50,7 +50,7 @@ def cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)
-    files = () if csv is None else (text_file(csv, result.to_frame().write_csv()),)
+    files = () if csv is None else (text_file(csv, result.to_polars().write_csv()),)
     return Outcome(
         command="cross", document={"file": str(file), **result.to_dict()}, text=result.summary(Dialect.SHELL),
         files=files + plot_file(plot, lambda path: result.plot(path=path)),

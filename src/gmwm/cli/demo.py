@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gmwm.base.remarks import Dialect
+from gmwm.base.text import TEXT_WIDTH
 from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
-from gmwm.calibration.tables import WIDTH, wrap_text
+from gmwm.calibration.tables import wrap_text
 from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
@@ -67,7 +68,7 @@ def demo(
     with progress("inspecting"):
         inspection = inspect(imu)
     lines = inspection_text(inspection, Dialect.SHELL).splitlines()
-    say("\n".join(part for line in lines for part in ([line] if len(line) <= WIDTH else wrap_text(line))) + "\n")
+    say("\n".join(part for line in lines for part in ([line] if len(line) <= TEXT_WIDTH else wrap_text(line))) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
     plots = helpers.begin(pictures, calibration, "auto", "auto")
     say(summary(calibration, Dialect.SHELL))

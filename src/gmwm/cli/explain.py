@@ -16,7 +16,11 @@ EXAMPLES = ("gmwm explain warm-up", "gmwm explain")
 @command
 def explain(
     code: Annotated[
-        str | None, typer.Argument(help="Code of a message, as the terminal shows it in brackets. Default: list all.")
+        str | None,
+        typer.Argument(
+            help="Code of a message, as the terminal shows it in brackets. Default: list all.",
+            autocompletion=lambda incomplete: [code for code in messages() if code.startswith(incomplete)],
+        ),
     ] = None,
 ) -> Outcome:
     """Explain a message: what it means for the results, and what to do.

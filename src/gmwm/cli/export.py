@@ -13,7 +13,7 @@ from gmwm.base.atomic_files import read_json
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
-from gmwm.choosing.datasheets.effective import HORIZON
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, read_given
 from gmwm.cli.option_names import named_as_options
@@ -48,7 +48,12 @@ def export(
     ] = None,
     source: GivenText = None,
     format: Annotated[
-        str | None, typer.Option(help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME")
+        str | None,
+        typer.Option(
+            help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.",
+            metavar="NAME",
+            autocompletion=lambda incomplete: [name for name in export_formats() if name.startswith(incomplete)],
+        ),
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
@@ -68,7 +73,7 @@ def export(
             "1min or a number of seconds.",
             metavar="LENGTH",
         ),
-    ] = f"{HORIZON:g}s",
+    ] = f"{DEFAULT_HORIZON_S:g}s",
     rate: Annotated[
         float | None, typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording.")
     ] = None,

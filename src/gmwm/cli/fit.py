@@ -26,7 +26,6 @@ from gmwm.cli.options import (
     AgainstOption,
     Efficiency,
     EstimationOption,
-    Filter,
     ResultOption,
     Robust,
     TransformName,
@@ -41,6 +40,7 @@ from gmwm.cli.output import (
     Outcome,
     json_text,
     make_directory,
+    optional_plots,
     progress,
     table_text,
     tell,
@@ -65,6 +65,7 @@ EXAMPLES = (
     "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
     "gmwm fit monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
     "gmwm fit turn.csv --model WN --conditions rates.csv --varies 'WN: 1 + rate**2'",
+    "gmwm fit warm.csv --axis gyro_x --model 'GM + WN' --conditions temperature.csv --varies 'GM.beta: celsius'",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
 _PROCESSES = ", ".join(
@@ -92,9 +93,9 @@ def fit(
     conditions: Annotated[
         Path | None,
         EstimationOption(
-            help="CSV table of the parts of the recording at which a condition had a known value. Its columns are "
-            "start and stop (s from the first sample) and the condition, for example start,stop,rate. One model is "
-            "fitted to all parts.",
+            help="CSV table of a condition. Its columns are start, stop (s from the first sample) and the condition, "
+            "for example start,stop,rate, if it was constant in parts of the recording; or time and the condition, "
+            "time,rate, if it moved. One model is fitted to all values.",
             metavar="TABLE",
         ),
     ] = None,
@@ -102,8 +103,8 @@ def fit(
         list[str] | None,
         EstimationOption(
             help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
-            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. "
-            "Repeat the option for other terms.",
+            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta: rate' is "
+            "the shape β = exp(a + b rate). Repeat the option for other terms.",
             metavar="TERM: SUM",
         ),
     ] = None,
@@ -115,7 +116,16 @@ def fit(
             "such as AR(2)."
         ),
     ] = None,
-    filter: Filter = "haar",
+    filter: Annotated[
+        str,
+        EstimationOption(
+            "--filter",
+            "--moments",
+            help="Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of first differences "
+            "at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood. Filters: haar, "
+            "d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
+        ),
+    ] = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
@@ -252,7 +262,7 @@ def _files(
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
-        yield from (picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items())
+        yield from optional_plots(*(picture({name: f}, folder / f"fit_{name}.png") for name, f in fits.items()))
     if plot is not None:
         yield picture(fits, plot)
 

@@ -29,14 +29,14 @@ from gmwm.cli.options import (
     Searched,
     Seed,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
+from gmwm.cli.output import NewFile, Outcome, file_names, optional_plots, progress, text_file
 from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.applications.fleets import Fleet
-    from gmwm.applications.fleets.engine import Progress
+    from gmwm.base.reporting import Progress
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",
@@ -140,7 +140,7 @@ def fleet(
     done = (output / FILE, output / TABLE)
     files = (
         text_file(output / "summary.txt", summary + "\n"),
-        NewFile(output / "fleet.png", lambda path: result.plot(path=path), "plotting"),
+        *optional_plots(NewFile(output / "fleet.png", lambda path: result.plot(path=path), "plotting")),
     )
     return Outcome(
         command="fleet", document={**_document(result), "written": [*map(str, done), *file_names(files)]},

@@ -16,7 +16,7 @@ from gmwm.cli.commands import Program, help_text
 from gmwm.cli.errors import Terminated
 
 app = typer.Typer(
-    name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False,
+    name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )  # fmt: skip
 
@@ -26,6 +26,14 @@ def _print_version(wanted: bool) -> None:
         from gmwm import __version__
 
         print(f"gmwm {__version__}")
+        raise typer.Exit
+
+
+def _print_manual(context: typer.Context, wanted: bool) -> None:
+    if wanted:
+        from gmwm.cli.manual import manual
+
+        print(manual(context), end="")
         raise typer.Exit
 
 
@@ -48,6 +56,10 @@ def _gmwm(
     context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+    man: Annotated[
+        bool,
+        typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -."),
     ] = False,
 ) -> None:
     """Print the help if no command is given."""

@@ -16,8 +16,10 @@ import typer
 
 from gmwm.base.atomic_files import write_text, written_together
 from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
+from gmwm.base.extras import is_installed, missing
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST_REMARKS
+from gmwm.base.reporting import warn
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -105,6 +107,14 @@ def text_file(path: Path, text: str) -> NewFile:
 def plot_file(path: Path | None, draw: Callable[[Path], object]) -> tuple[NewFile, ...]:
     """Return the file of the option --plot; an empty tuple if the option is not given."""
     return () if path is None else (NewFile(path, draw, f"plotting {path.name}"),)
+
+
+def optional_plots(*files: NewFile) -> tuple[NewFile, ...]:
+    """Return the plots of the option --output; without Matplotlib none, and a line on stderr says so."""
+    if is_installed("matplotlib"):
+        return files
+    print(f"note: {missing('matplotlib')}", file=sys.stderr)
+    return ()
 
 
 def csv_file(
@@ -263,7 +273,7 @@ def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
 
 def tell(remark: Remark) -> None:
     """Add a remark to the warnings of the command. `collect_warnings` prints it."""
-    warnings.warn(GmwmWarning(remark), stacklevel=2)
+    warn(GmwmWarning(remark), stacklevel=2)
 
 
 def one_line(text: str) -> str:

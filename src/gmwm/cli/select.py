@@ -22,7 +22,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     parse_within,
 )
-from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, text_file
+from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, optional_plots, text_file
 from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
@@ -114,7 +114,7 @@ def _rank(
 
 def _files(rankings: Mapping[str, Ranking], folder: Path, content: Mapping[str, object]) -> list[NewFile]:
     pictures = [_picture(ranking, folder / f"ranking_{name}.png") for name, ranking in rankings.items()]
-    return [text_file(folder / "rankings.json", json_text("select", content) + "\n"), *pictures]
+    return [text_file(folder / "rankings.json", json_text("select", content) + "\n"), *optional_plots(*pictures)]
 
 
 def _picture(ranking: Ranking, path: Path) -> NewFile:

@@ -137,6 +137,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % confidence intervals for any noise" if alone else ""
+    limits += ' (for the identified noise: "gmwm allan")' if alone and view == "allan" else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]

@@ -89,12 +89,26 @@ class ResultsByAxis(AxisResults[T]):
         return "\n".join(f"{axis}: {result!r}" for axis, result in self.results.items())
 
 
+def as_recording(data: Any) -> Any:
+    """Return a data frame (pandas, Polars, Arrow) or a table of xarray as an Imu, and anything else unchanged.
+
+    >>> import polars
+    >>> as_recording(polars.DataFrame({"time": np.arange(8) / 50, "gyro_x [deg/s]": np.arange(8.0)}))
+    Imu(gyro_x: 8 samples at 50 Hz, 0.16 s)
+    """
+    names = ("columns", "column_names", "collect_schema", "data_vars")
+    framed = any(hasattr(type(data), name) for name in names)
+    tabular = framed or (hasattr(type(data), "coords") and getattr(data, "ndim", 0) == 2)
+    return Imu.from_arrays(data) if tabular else data
+
+
 def signals_of(x: Any) -> dict[str, Any] | None:
-    """Return the axes of an Imu, or the columns of an (N, k) array, by name; None for anything else.
+    """Return the axes of an Imu or a data frame, or the columns of an (N, k) array, by name; None for anything else.
 
     >>> list(signals_of(np.zeros((100, 2)))), signals_of(np.zeros(100))
     (['column_0', 'column_1'], None)
     """
+    x = as_recording(x)
     if isinstance(x, Imu):
         return dict(x.signals)
     if isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] >= MINIMUM_SAMPLES and x.shape[0] > x.shape[1] > 1:

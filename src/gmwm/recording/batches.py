@@ -1,9 +1,8 @@
 """Divide a recording, in memory or in a file, into batches: consecutive samples that are processed together.
 
-A batch has `BATCH` samples, counted from the first sample; the last one has fewer, and a shorter recording is one
-batch. Results that are computed from batches are therefore the same to the last bit for a recording in memory and in
-chunks of any size.
-"""
+A batch has `BATCH_SAMPLES` samples, counted from the first sample; the last one has fewer, and a shorter recording is
+one batch. Results that are computed from batches are therefore the same to the last bit for a recording in memory and
+in chunks of any size."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ from gmwm.base.units import SI_UNIT
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
 
-BATCH = 1 << 21
+BATCH_SAMPLES = 1 << 21
 """Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. It is a choice: 2²¹, because 21
 is the default number of exact levels for six axes (`exact_levels`)."""
 
@@ -195,7 +194,7 @@ class Batches:
                 yield batch.between(0, self._samples - batch.first)
                 return
             stop = batch.stop
-            if stop < BATCH:
+            if stop < BATCH_SAMPLES:
                 self._only = batch
             yield batch
             del batch  # before the next one is gathered
@@ -227,12 +226,12 @@ def batches(recording: Imu | Streamed, done: Callable[[int], None] | None = None
         yield from gather(recording.samples(), recording.axes, recording.rate, done)
         return
     heat = recording.temperature
-    if len(recording) <= BATCH:
+    if len(recording) <= BATCH_SAMPLES:
         yield Batch(recording.signals, temperature=heat)
     else:
         complete = Batch(recording.signals, temperature=heat)
-        for first in range(0, len(recording), BATCH):
-            yield complete.between(first, first + BATCH)
+        for first in range(0, len(recording), BATCH_SAMPLES):
+            yield complete.between(first, first + BATCH_SAMPLES)
     if done is not None:
         done(len(recording))
 
@@ -264,14 +263,14 @@ class _Gathered:
         runs = {max(sample - samples.first, 0): (sample, time) for sample, time in samples.runs}
         begins, taken = sorted(runs), 0
         while taken < len(samples):
-            part = slice(taken, min(len(samples), taken + BATCH - self._size))
+            part = slice(taken, min(len(samples), taken + BATCH_SAMPLES - self._size))
             at = bisect_right(begins, taken) - 1
             sample, time = runs[begins[at]]
             number = samples.first + taken
             if not self._size:
                 self._first, self._continues = number, sample < number
                 roles = (*self._axes, *(["temperature"] if samples.temperature is not None else []))
-                self._values = {role: np.empty(BATCH) for role in roles}
+                self._values = {role: np.empty(BATCH_SAMPLES) for role in roles}
             if not self._size or sample == number:
                 self._begins.append((self._size, time + (number - sample) / self._rate))
             for begin in begins[at + 1 : bisect_left(begins, part.stop)]:
@@ -282,7 +281,7 @@ class _Gathered:
             for role, values in self._values.items():
                 values[self._size : self._size + part.stop - taken] = arrays[role][part]
             self._size, taken = self._size + part.stop - taken, part.stop
-            if self._size == BATCH:
+            if self._size == BATCH_SAMPLES:
                 yield from self.end()
 
     def end(self) -> Iterator[Batch]:

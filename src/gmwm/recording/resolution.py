@@ -2,47 +2,59 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 
-_ENOUGH = 20_000
-"""Smallest number of samples that are used, so that each value of a coarse output occurs many times
-(tests/test_inspection.py)."""
-_REPEATED = 0.9
-"""Largest share of distinct values among the samples for which a quantization step is searched."""
-_UNEVEN = 0.05
-"""Largest deviation of the differences between values from multiples of the step, in steps
-(tests/test_inspection.py)."""
+
+@dataclass(frozen=True)
+class StepSearch:
+    """Limits at which values lie on a grid of steps (tests/test_inspection.py, tests/test_rounding.py)."""
+
+    enough: int = 20_000
+    """Smallest number of samples that are used, so that each value of a coarse output occurs many times
+    (tests/test_inspection.py)."""
+    distinct_share: float = 0.9
+    """Largest share of distinct values among the samples for which a quantization step is searched."""
+    uneven: float = 0.05
+    """Largest deviation of the differences between values from multiples of the step, in steps
+    (tests/test_inspection.py)."""
+    whole: float = 1e-3
+    """Largest distance of a value from a whole count, in counts."""
+    samples_of_value: int = 20
+    """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others
+    is then missing."""
+    regular: float = 0.35
+    """Largest relative standard deviation of the distances between values that are multiples of one step, but were
+    written with few digits. It is 0.33 if steps of 1.5 are written as 1 and 2."""
+    fine: float = 1.0
+    """Smallest standard deviation of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the
+    step²."""
+    near_maximum: float = 0.5
+    """Standard deviations whose log-likelihood is at most this value below the maximum agree with the samples equally
+    well. The largest of them is used. If only two values occur, all small standard deviations agree, and the result is
+    an upper limit."""
+    least_probability: float = 1e-9
+    """Smallest probability of a value, so that a single wrong value does not determine the result."""
+
+
+LIMITS = StepSearch()
+
 
 _DUST, _LARGEST_DUST, _BETWEEN = 1e-9, 1e-5, 1e3
 """Distance between values, as a share of their range, that is rounding of float64; largest distance that can be
 rounding if the next larger one is `_BETWEEN` times as large (tests/test_rounding.py, as the next constants)."""
-_WHOLE = 1e-3
-"""Largest distance of a value from a whole count, in counts."""
 _MEAN_OF, _CANCELS, _LEAST_NOISE = 16, 0.5, 0.02
 """Number of neighbours whose mean is tested for a counter; largest variance of this mean, relative to white noise; and
 smallest mean square of the differences of neighbours (steps²)."""
-_SEEN = 20
-"""Smallest mean number of samples of each value in the middle half of the distribution. No value between two others is
-then missing."""
-_REGULAR = 0.35
-"""Largest relative standard deviation of the distances between values that are multiples of one step, but were written
-with few digits. It is 0.33 if steps of 1.5 are written as 1 and 2."""
-_FINE = 1.0
-"""Smallest standard deviation of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the step²."""
 _SPREADS = np.geomspace(0.05, 1.25, 60)
 """Standard deviations before rounding, in steps, that are compared. The result is within 3 % of the best value."""
 _PLACES = np.linspace(-0.75, 0.75, 31)
 """Means before rounding that are compared, in steps from the mean of the output. Rounding moves the mean by at most
 half a step."""
-_NEAR = 0.5
-"""Standard deviations whose log-likelihood is at most this value below the maximum agree with the samples equally well.
-The largest of them is used. If only two values occur, all small standard deviations agree, and the result is an upper
-limit."""
-_FLOOR = 1e-9
-"""Smallest probability of a value, so that a single wrong value does not determine the result."""
 
 
 class Sample:
@@ -55,7 +67,7 @@ class Sample:
     def update(self, values: Vector) -> None:
         """Add the next samples."""
         before, self._came = self._came, self._came + values.size
-        while self._came > 2 * _ENOUGH * self._stride:
+        while self._came > 2 * LIMITS.enough * self._stride:
             self._kept, self._stride = self._kept[::2], 2 * self._stride
         part = values[-before % self._stride :: self._stride]
         if part.size:
@@ -88,10 +100,10 @@ def step_of(sample: Vector) -> float | None:
     """
     levels, counts = np.unique(sample, return_counts=True)
     levels, counts = _without_rounding(levels, counts)
-    if levels.size < 2 or levels.size > _REPEATED * sample.size:
+    if levels.size < 2 or levels.size > LIMITS.distinct_share * sample.size:
         return None
     lattice, usual = _lattice(levels), _usual_distance(levels, counts.astype(np.float64))
-    if usual is not None and (lattice is None or usual > (1 + 2 * _UNEVEN) * lattice):
+    if usual is not None and (lattice is None or usual > (1 + 2 * LIMITS.uneven) * lattice):
         return float(f"{usual:.9g}")
     return lattice
 
@@ -113,7 +125,7 @@ def _without_rounding(levels: Vector, counts: NDArray[np.int64]) -> tuple[Vector
         wide = np.flatnonzero(ratios > _BETWEEN)
         dust += int(wide[-1]) + 1 if wide.size else 0
     # Joined levels are few, because rounding makes several levels of each.
-    if not dust or levels.size - dust > _REPEATED * levels.size:
+    if not dust or levels.size - dust > LIMITS.distinct_share * levels.size:
         return levels, counts
     begins = np.flatnonzero(np.concatenate([[True], steps > ordered[dust - 1]]))
     sums = np.add.reduceat(counts, begins)
@@ -132,7 +144,7 @@ def count_of(values: Vector) -> float | None:
     levels, counts = np.unique(sample.values(), return_counts=True)
     joined, _ = _without_rounding(levels, counts)
     step = step_of(sample.values()) if joined.size < levels.size else None
-    if step is None or np.max(np.abs(joined / step - np.rint(joined / step))) > _WHOLE:
+    if step is None or np.max(np.abs(joined / step - np.rint(joined / step))) > LIMITS.whole:
         return None
     return step
 
@@ -161,13 +173,13 @@ def _usual_distance(levels: Vector, counts: Vector) -> float | None:
     below = np.cumsum(counts) / np.sum(counts)
     middle = (below > 0.25) & (below - counts / np.sum(counts) < 0.75)
     level = levels[middle]
-    if level.size < 4 or np.sum(counts[middle]) < _SEEN * level.size:
+    if level.size < 4 or np.sum(counts[middle]) < LIMITS.samples_of_value * level.size:
         return None
     steps = np.diff(level)
     # Larger distances are gaps between two parts of a recording with different means.
     steps = steps[steps <= 1.6 * np.quantile(steps, 0.75)]
     usual = float(np.mean(steps))
-    return usual if float(np.std(steps)) <= _REGULAR * usual else None
+    return usual if float(np.std(steps)) <= LIMITS.regular * usual else None
 
 
 def _lattice(levels: Vector) -> float | None:
@@ -178,7 +190,7 @@ def _lattice(levels: Vector) -> float | None:
         return None
     step = float(np.min(steps))
     multiples = steps / step
-    if np.max(np.abs(multiples - np.round(multiples))) > _UNEVEN:
+    if np.max(np.abs(multiples - np.round(multiples))) > LIMITS.uneven:
         return None
     # The step from the whole range has a smaller rounding error than a single difference.
     exact = float(np.sum(steps) / np.sum(np.round(multiples)))
@@ -218,13 +230,13 @@ def before_rounding(runs: list[Vector], step: float) -> float:
     used = varied if 2 * len(varied) > len(runs) else [run for run in runs if run.size > 1]
     if not used:
         return 0.0
-    usual = float(np.median([np.var(run) for run in used])) / step**2
-    if usual >= _FINE**2:
+    usual = float(np.median([np.var(run / step) for run in used]))
+    if usual >= LIMITS.fine**2:
         return float(np.sqrt(usual - 1 / 12)) * step
     total = np.zeros(_SPREADS.size)
     for run in used:
         total += _log_likelihood(run / step)
-    return float(_SPREADS[np.flatnonzero(total >= np.max(total) - _NEAR)[-1]]) * step
+    return float(_SPREADS[np.flatnonzero(total >= np.max(total) - LIMITS.near_maximum)[-1]]) * step
 
 
 def _log_likelihood(values: Vector) -> Vector:
@@ -236,4 +248,4 @@ def _log_likelihood(values: Vector) -> Vector:
     means = np.mean(values - start) + _PLACES
     upper = (cells + 0.5 - means[:, None]) / _SPREADS[:, None, None]
     probability = ndtr(upper) - ndtr(upper - 1 / _SPREADS[:, None, None])
-    return np.asarray(np.max(np.log(np.maximum(probability, _FLOOR)) @ counts, axis=1))
+    return np.asarray(np.max(np.log(np.maximum(probability, LIMITS.least_probability)) @ counts, axis=1))

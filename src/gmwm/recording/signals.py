@@ -16,11 +16,15 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
 from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
+
+if TYPE_CHECKING:
+    from polars import DataFrame
 
 __all__ = ["Imu", "Signal"]
 
@@ -72,17 +76,10 @@ class Signal(Plotted):
     gaps_known: bool = True
 
     def __init__(
-        self,
-        values: ArrayLike,
-        rate: float,
-        unit: str = "",
-        axis: str = "",
-        start: float = 0.0,
-        segments: Sequence[tuple[int, int]] = (),
-        starts: Sequence[float] = (),
-        filled: int = 0,
+        self, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0,
+        segments: Sequence[tuple[int, int]] = (), starts: Sequence[float] = (), filled: int = 0,
         gaps_known: bool | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         vector = as_vector(values, axis or "the signal", at_least=1)
         require_measurable(vector, unit, axis)
         if vector.flags.writeable:
@@ -266,7 +263,7 @@ class Signal(Plotted):
 
 
 @dataclass(frozen=True, eq=False)
-class Imu(Plotted):
+class Imu(Plotted, Tabular):
     """A recording of several axes with one time base.
 
     Parameters
@@ -314,38 +311,28 @@ class Imu(Plotted):
             raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
         if not all(isinstance(signal, Signal) for signal in self.signals.values()):
             object.__setattr__(self, "signals", {axis: _as_signal(x, axis) for axis, x in self.signals.items()})
-        signals = list(self.signals.values())
-        first = signals[0]
+        first = next(iter(self.signals.values()))
         for name, signal in self.signals.items():
             if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
                 difference = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
                 raise DataError(
                     f"all axes of an Imu must have the same length, rate and segments, but {difference}",
-                    argument="signals",
-                    got=self.signals,
-                )
+                    argument="signals", got=self.signals,
+                )  # fmt: skip
         if self.temperature is not None and len(self.temperature) != len(first):
             raise DataError(
                 f"temperature has {len(self.temperature)} values for {len(first)} samples",
-                argument="temperature",
-                got=self.temperature,
-            )
+                argument="temperature", got=self.temperature,
+            )  # fmt: skip
         order = {axis: k for k, axis in enumerate(AXES)}
         ordered = dict(sorted(self.signals.items(), key=lambda item: order.get(item[0], len(AXES))))
         object.__setattr__(self, "signals", MappingProxyType(ordered))
 
     @classmethod
     def from_arrays(
-        cls,
-        arrays: Any,
-        rate: float | None = None,
-        *,
-        units: Mapping[str, str] | None = None,
-        axes: Sequence[str] = AXES,
-        start: float = 0.0,
-        segments: Sequence[tuple[int, int]] = (),
-        source: str = "",
-    ) -> Imu:
+        cls, arrays: Any, rate: float | None = None, *, units: Mapping[str, str] | None = None,
+        axes: Sequence[str] = AXES, start: float = 0.0, segments: Sequence[tuple[int, int]] = (), source: str = "",
+    ) -> Imu:  # fmt: skip
         """Make an Imu from arrays or a table in memory.
 
         Parameters
@@ -556,6 +543,25 @@ class Imu(Plotted):
 
         write(self, path, format=format)
 
+    def to_polars(self) -> DataFrame:
+        """Return the recording as a data frame of Polars, with its time and temperature. `from_arrays` reads it."""
+        import polars
+
+        from gmwm.recording.writers import columns_of
+
+        return polars.DataFrame(columns_of(self))
+
+    def to_xarray(self) -> Any:
+        """Return the recording as a data set of xarray: each axis with its unit, along "time" in s."""
+        from gmwm.recording.writers import xarray_of
+
+        return xarray_of(self)
+
+    def _repr_html_(self) -> str:
+        from gmwm.recording.writers import html_of
+
+        return html_of(self)
+
     def longest(self) -> Imu:
         """Return the longest segment as a recording without gaps; its remarks say so."""
         if len(self.segments) == 1:
@@ -587,9 +593,8 @@ def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
     if table.ndim != 2 or table.shape[1] != len(axes):
         transposed = table.ndim == 2 and table.shape[0] == len(axes)
         raise DataError(
-            argument="arrays",
+            argument="arrays", got=table.shape,
             expected=f"a mapping or an array of shape (N, {len(axes)}) with columns {', '.join(axes)}",
-            got=table.shape,
             advice="Pass its transpose." if transposed else "",
-        )
+        )  # fmt: skip
     return {axis: table[:, k] for k, axis in enumerate(axes)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
@@ -13,13 +12,14 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmWarning, OptionError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.reporting import warn
 from gmwm.base.template import join_names
 from gmwm.base.text import moment
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
 
-ROUNDING = 1e-6
+TIME_ROUNDING = 1e-6
 """Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
 rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user
 types. Pinned by tests/test_cuts.py."""
@@ -93,7 +93,11 @@ class Trimmer:
             elapsed = self._clock.begin(sample, time, samples.first + end)
             for limits in self._kept:
                 a, b = (
-                    int(np.clip(np.ceil((edge - elapsed) * self._rate - ROUNDING) + sample - samples.first, begin, end))
+                    int(
+                        np.clip(
+                            np.ceil((edge - elapsed) * self._rate - TIME_ROUNDING) + sample - samples.first, begin, end
+                        )
+                    )
                     for edge in limits
                 )
                 if a < b:
@@ -161,6 +165,8 @@ def kept_ranges(
         if not begin < end:
             raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
     ranges = []
+    if not isinstance(skip, Sequence):
+        raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=skip)
     for pair in sorted(_check(pair) for pair in skip):
         if begin < min(pair[0], end):
             ranges.append((begin, min(pair[0], end)))
@@ -193,7 +199,7 @@ def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float)
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
         remark = Remark.of("cut", case="stop", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
-        warnings.warn(GmwmWarning(remark), stacklevel=3)
+        warn(GmwmWarning(remark), stacklevel=3)
 
 
 def _check(pair: tuple[float, float]) -> tuple[float, float]:

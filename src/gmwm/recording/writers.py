@@ -1,10 +1,12 @@
-"""Write recordings to CSV, Parquet, MCAP or .imu records. CSV and Parquet keep every bit of the numbers."""
+"""Write recordings to CSV, Parquet (both keep every bit), MCAP or .imu records, and as tables in memory."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +43,7 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
     elif suffix == MCAP:
         write_mcap(imu, target)
     else:
-        write_table(_columns(imu), target)
+        write_table(columns_of(imu), target)
 
 
 def _recording(given: object) -> Imu:
@@ -85,8 +87,8 @@ def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> 
             frame.write_parquet(file)
 
 
-def _columns(imu: Imu) -> dict[str, Vector]:
-    """Return the columns of a table by name."""
+def columns_of(imu: Imu) -> dict[str, Vector]:
+    """Return the columns of a table by name: the time, the axes and the temperature."""
     columns = {"time [s]": imu[imu.axes[0]].times()}
     for axis in imu:
         unit = imu[axis].unit
@@ -94,6 +96,31 @@ def _columns(imu: Imu) -> dict[str, Vector]:
     if imu.temperature is not None:
         columns["temperature [°C]"] = imu.temperature
     return columns
+
+
+def xarray_of(imu: Imu) -> Any:
+    """Return a recording as a data set of xarray."""
+    import xarray
+
+    variables = {axis: ("time", signal.values, {"units": signal.unit}) for axis, signal in imu.signals.items()}
+    if imu.temperature is not None:
+        variables["temperature"] = ("time", imu.temperature, {"units": "°C"})
+    times = ("time", imu[imu.axes[0]].times(), {"units": "s"})
+    return xarray.Dataset(variables, coords={"time": times}, attrs={"source": imu.source})
+
+
+def html_of(imu: Imu) -> str:
+    """Return the mean and the standard deviation of each axis as a table for notebooks."""
+    rows = "".join(
+        f"<tr><td>{axis}</td><td>{signal.values.mean():.6g}</td><td>{signal.values.std():.4g}</td>"
+        f"<td>{escape(signal.unit)}</td></tr>"
+        for axis, signal in imu.signals.items()
+    )
+    heads = "".join(f"<th>{name}</th>" for name in ("axis", "mean", "standard deviation", "unit"))
+    size = f"{len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s"
+    segments = f", {len(imu.segments)} segments between gaps" if len(imu.segments) > 1 else ""
+    title = f"{escape(imu.source)}: {size}" if imu.source else size
+    return f"<p>{title}{segments}</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 def _record_type(format: str | None, target: Path) -> RecordType:

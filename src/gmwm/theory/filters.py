@@ -13,7 +13,7 @@ include it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import Any, SupportsIndex
@@ -21,11 +21,15 @@ from typing import Any, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
-from gmwm.base.errors import MissingDependencyError, OptionError
+from gmwm.base.arrays import Matrix, Vector, as_levels, freeze
+from gmwm.base.errors import OptionError
+from gmwm.base.extras import library
 
 __all__ = ["WaveletFilter", "find_filter"]
 
+_MOST_LAGS = 64
+"""Largest lag of an autocovariance of first differences, enough for roots of a moving average up to modulus 0.95
+(docs/validation/efficiency.md)."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
@@ -49,6 +53,10 @@ class WaveletFilter:
         Largest change of a published coefficient.
     source : str
         Source of the published coefficients.
+    lags : tuple of int
+        Lags l of the autocovariances of first differences that a curve has beside its wavelet variances, only with the
+        Haar filter. They have the level −l: the moment is the variance of (W_{1,t} + W_{1,t−l})/√2, with wavelet
+        coefficients W_1 of level 1. It is the wavelet variance of level 1 plus a quarter of the autocovariance.
 
     Examples
     --------
@@ -65,13 +73,14 @@ class WaveletFilter:
     accuracy: float
     adjustment: float
     source: str
+    lags: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self.scaling)
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
         """Pickle a filter of the table by its name, because code for the Haar filter tests `filter is HAAR`."""
-        if self.name in _TABLES and find_filter(self.name) is self:
+        if (self.name in _TABLES or self.lags) and find_filter(self.name) is self:
             return find_filter, (self.name,)
         return super().__reduce_ex__(protocol)
 
@@ -105,11 +114,23 @@ class WaveletFilter:
 
     def width(self, level: int) -> int:
         """Return the number of taps of the level-j filter, L_j = (2^j − 1)(L − 1) + 1."""
-        return ((1 << int(level)) - 1) * (self.length - 1) + 1
+        return int(self.widths(level))
 
     def widths(self, levels: ArrayLike) -> NDArray[np.int64]:
-        """Return the number of taps L_j of the filters of several levels."""
-        return ((np.int64(1) << np.asarray(levels, dtype=np.int64)) - 1) * (self.length - 1) + 1
+        """Return the number of taps L_j of the filters of several levels; l + 2 for the level −l of a lag."""
+        numbers = np.asarray(levels, dtype=np.int64)
+        taps = ((np.int64(1) << np.maximum(numbers, 1)) - 1) * (self.length - 1) + 1
+        return np.where(numbers < 0, 2 - numbers, taps)
+
+    def numbers(self, levels: int | ArrayLike) -> NDArray[np.int64]:
+        """Check levels, which may be the negative lags of this filter; a number J means the lags and 1, …, J."""
+        if not self.lags:
+            return as_levels(levels)
+        array = np.asarray(levels)
+        if array.ndim == 0:
+            return np.concatenate([-np.array(self.lags[::-1]), as_levels(levels)])
+        as_levels(array[array > 0])
+        return array.astype(np.int64)
 
     def deepest_level(self, samples: int) -> int:
         """Return the highest level whose filter fits into a recording of `samples`; 0 if there is none."""
@@ -194,8 +215,9 @@ def _convolve(a: Vector, b: Vector) -> Vector:
 def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
     """Return the wavelet filter with a name.
 
-    The names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24. If PyWavelets
-    is installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
+    The names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24, and
+    "haar + lags:8" or "haar + lags:3,5" with autocovariances of first differences; see `gmwm.fit`. If PyWavelets is
+    installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
     Daubechies filters by vanishing moments and reverses them in time (db2 is d4 reversed; sym4 is la8), which does not
     change a variance.
 
@@ -236,6 +258,8 @@ def _find(name: str) -> WaveletFilter:
         table = _TABLES[name]
         published = np.array(table.scaling.split(), dtype=np.float64)
         return _filter(name, published, moments=table.vanishing_moments, accuracy=table.accuracy, source=table.source)
+    if match := re.fullmatch(r"haar\s*\+\s*lags:\s*(\d+(?:\s*,\s*\d+)*)", name):
+        return _with_lags(tuple(int(lag) for lag in match[1].split(",")))
     if re.fullmatch(r"(db|sym|coif)[1-9]\d?", name):
         return _from_pywavelets(name)
     raise OptionError(
@@ -245,14 +269,20 @@ def _find(name: str) -> WaveletFilter:
     )
 
 
+@lru_cache(maxsize=64)
+def _with_lags(lags: tuple[int, ...]) -> WaveletFilter:
+    """Return the Haar filter with lags; a single number is the largest one."""
+    if not all(1 <= lag <= _MOST_LAGS for lag in lags):
+        raise OptionError(argument="filter", expected=f"lags from 1 to {_MOST_LAGS}", got=lags)
+    every = tuple(sorted(set(lags)))
+    if every != lags:
+        return _with_lags(every)
+    name = f"haar + lags:{','.join(map(str, every))}"
+    return replace(HAAR, name=name, lags=every if len(every) > 1 else tuple(range(1, lags[0] + 1)))
+
+
 def _from_pywavelets(name: str) -> WaveletFilter:
-    try:
-        import pywt  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"the filter {name!r} belongs to PyWavelets, which is not installed", argument="filter", got=name,
-            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.", filters=", ".join(FILTERS),
-        ) from error  # fmt: skip
+    pywt = library("pywt")
     try:
         wavelet = pywt.Wavelet(name)
     except ValueError as error:

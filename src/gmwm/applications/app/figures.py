@@ -32,13 +32,13 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Fixed
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif'
-SIDE = 90
+SIDE_MARGINS_PX = 90
 """Total width (CSS pixels) of the left and right margins of a figure."""
 NARROW, WIDEST = 760, 1360
 """Page width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""
 LEFT_OUT = "#d55e00"
 """Colour of time ranges that are left out."""
-HANDLE = 8
+HANDLE_PX = 8
 """Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
 RATE = "beta"
 """Name of the parameter that is the inverse correlation time of a process."""
@@ -56,8 +56,8 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
     figure = plotly_panel(panel if title else replace(panel, title=""))
     names = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
     longest = max(map(len, names), default=0)
-    entry = min(width - SIDE, 44 + 5.7 * longest)
-    rows = math.ceil(len(names) / max(1, (width - SIDE + 10) // entry)) if names else 0
+    entry = min(width - SIDE_MARGINS_PX, 44 + 6.4 * longest)
+    rows = math.ceil(len(names) / max(1, (width - SIDE_MARGINS_PX + 10) // entry)) if names else 0
     foot = 50 + 20 * rows
     layout = figure["layout"]
     if title and "title" in layout:
@@ -170,7 +170,7 @@ def fit_figure(fit: Fit, session: Session, width: float) -> Drawn:
     shown = view_for(fit.wavelet_variance, session.view, session.units)
     figure["layout"]["shapes"] = [
         {"type": "circle", "xref": "x", "yref": "y", "xsizemode": "pixel", "ysizemode": "pixel", "xanchor": x,
-         "yanchor": y, "x0": -HANDLE, "x1": HANDLE, "y0": -HANDLE, "y1": HANDLE, "editable": True,
+         "yanchor": y, "x0": -HANDLE_PX, "x1": HANDLE_PX, "y0": -HANDLE_PX, "y1": HANDLE_PX, "editable": True,
          "line": {"color": "#1b1f24", "width": 1.5}, "fillcolor": stroke.colour, "label": {"text": ""}}
         for (x, y), stroke in _handles(fit, shown)
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from gmwm.base.threads import stoppable
 
 State = Literal["running", "done", "failed", "cancelled"]
-QUICK = 0.3
+SILENT_S = 0.3
 """Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
 
 

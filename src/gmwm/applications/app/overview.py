@@ -15,12 +15,12 @@ from gmwm.files.readers.streams import Stream
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu, Signal
 
-COLUMNS = 2048
+SCREEN_COLUMNS = 2048
 """Largest number of columns to which a recording is reduced, which is more than a screen shows."""
 
 
 class Overview:
-    """The smallest and the largest sample of each axis in each of at most `COLUMNS` equal parts of a recording.
+    """The smallest and the largest sample of each axis in each of at most `SCREEN_COLUMNS` equal parts of a recording.
 
     A part has `width` samples. Whenever the recording is longer than all parts together, the width is doubled, so the
     length of the recording need not be known in advance.
@@ -29,7 +29,7 @@ class Overview:
     def __init__(self, axes: Iterable[str], rate: float) -> None:
         self.axes, self.rate = tuple(axes), rate
         self.width = 1
-        shape = len(self.axes), COLUMNS
+        shape = len(self.axes), SCREEN_COLUMNS
         self.least, self.greatest = np.full(shape, np.inf), np.full(shape, -np.inf)
         self._origin: float | None = None
         self._end = 0
@@ -41,7 +41,7 @@ class Overview:
         # If the clock was set back, these samples are placed directly after the previous ones.
         begin = max(round((chunk.start - self._origin) * self.rate), self._end)
         self._end = begin + len(chunk)
-        while self._end > COLUMNS * self.width:
+        while self._end > SCREEN_COLUMNS * self.width:
             self._halve()
         place = np.arange(begin, self._end) // self.width
         starts = np.flatnonzero(np.diff(place, prepend=-1))
@@ -70,7 +70,7 @@ class Overview:
         self.width *= 2
         for sums, empty, combine in ((self.least, np.inf, np.minimum), (self.greatest, -np.inf, np.maximum)):
             half = combine(sums[:, ::2], sums[:, 1::2])
-            sums[:, : COLUMNS // 2], sums[:, COLUMNS // 2 :] = half, empty
+            sums[:, : SCREEN_COLUMNS // 2], sums[:, SCREEN_COLUMNS // 2 :] = half, empty
 
 
 def overview(recording: Imu | Stream, done: Callable[[int], None]) -> Imu:
@@ -91,8 +91,8 @@ def shown_times(relayout: dict[str, Any] | None) -> tuple[float, float] | None:
     >>> shown_times({"selections": [{"x0": 20.0, "x1": 10.0}]})
     (10.0, 20.0)
     """
-    marked = (relayout or {}).get("selections") or []
-    if not marked:
-        return None
-    ends = sorted(float(marked[-1][name]) for name in ("x0", "x1"))
-    return ends[0], ends[1]
+    marked = (relayout or {}).get("selections") or [{}]
+    last = marked[-1] if isinstance(marked, list) else {}
+    ends = [last.get(name) for name in ("x0", "x1")] if isinstance(last, dict) else []
+    times = sorted(float(end) for end in ends if isinstance(end, int | float))
+    return (times[0], times[1]) if len(times) == 2 else None

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import Progress, reported, warn
 from gmwm.base.threads import processors
 from gmwm.base.units import SI_UNIT
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
@@ -43,10 +43,6 @@ from gmwm.theory.processes.validation import as_seed
 if TYPE_CHECKING:
     from distributed import Client
 
-Progress = Callable[[int, int, str], None]
-"""Progress callback, which is called with the number of finished units, the number of all units, and a text about the
-last unit."""
-
 
 def fleet(
     recordings: Recordings, output: str | os.PathLike[str], *, within: ModelLike = SEARCHED,
@@ -55,7 +51,7 @@ def fleet(
     draws: int = 1000, rng: int | np.random.Generator = 0, against: str = AUTO, axes: str | Sequence[str] | None = None,
     reading: Mapping[str, Any] | ReadOptions | None = None, pattern: str | None = None,
     scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
-    progress: Progress | None = None,
+    progress: Progress | Literal[True] | None = None,
 ) -> Fleet:  # fmt: skip
     """Calibrate the recordings of many units, and collect the estimated noise parameters in one table.
 
@@ -90,8 +86,8 @@ def fleet(
         function under `if __name__ == "__main__":`. With 0, all units are calibrated in the present process.
     retries : int
         Number of retries after an error of the operating system.
-    progress : function of (done, all, text), optional
-        Function that is called after each unit, in the calling thread.
+    progress : True, or function of (done, all, text), optional
+        True shows a progress bar. A function is called after each unit, in the calling thread.
 
     Returns
     -------
@@ -130,10 +126,11 @@ def fleet(
         within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
         efficiency=efficiency, draws=draws, seed=as_seed(rng), against=against, axes=axes,
     )  # fmt: skip
-    return calibrate_fleet(
-        recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,
-        retries=retries, progress=progress,
-    )  # fmt: skip
+    with reported(progress, "calibrating units") as show:
+        return calibrate_fleet(
+            recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,
+            retries=retries, progress=show,
+        )  # fmt: skip
 
 
 def calibrate_fleet(
@@ -159,7 +156,7 @@ def calibrate_fleet(
         if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
             remark = Remark.of("other-results", case="units", folder=where, count=len(others), units=tuple(others))
-            warnings.warn(GmwmWarning(remark), stacklevel=2)
+            warn(GmwmWarning(remark), stacklevel=2)
         write_facts(folder, units, unit_options)
         with run.telling():
             for outcome in outcomes:
@@ -244,9 +241,10 @@ def _outcomes(
         elif scheduler is None:
             place = Processes(count, () if helpers is None else helpers.take_idle())
         else:
-            from gmwm.measuring.streaming.scheduling import connect, library
+            from gmwm.base.extras import library
+            from gmwm.measuring.streaming.scheduling import connect
 
-            library()
+            library("distributed")
             stack.enter_context(allowing_lost_workers(retries))
             place = Cluster(stack.enter_context(connect(scheduler)))
         yield run_jobs(jobs, stack.enter_context(place), retries)

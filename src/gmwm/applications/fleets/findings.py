@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.applications.fleets.outlier_units import FEWEST
+from gmwm.applications.fleets.outlier_units import LEAST_UNITS_FOR_OUTLIERS
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.remarks import Remark, sorted_remarks
 
@@ -45,9 +45,11 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
         yield Remark.of("few-units", case="fleet", units=found.units)
     for count in range(1, LEAST_UNITS):
         few = [row for row in single if row.units == count]
-        yield from _each("few-units", few, single, case="number", units=count, least=LEAST_UNITS, fewest=FEWEST)
+        yield from _each(
+            "few-units", few, single, case="number", units=count, least=LEAST_UNITS, fewest=LEAST_UNITS_FOR_OUTLIERS
+        )
     few = [row for row in single if not row.searched and row.units >= LEAST_UNITS]
-    yield from _each("not-compared", few, single, case="few", fewest=FEWEST)
+    yield from _each("not-compared", few, single, case="few", fewest=LEAST_UNITS_FOR_OUTLIERS)
     yield from _of_limits(single)
     uncertain = [row for row in single if (row.error_share or 0) > 0.5]
     yield from _each("poorly-known", uncertain, single, case="spread")

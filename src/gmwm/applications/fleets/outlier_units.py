@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.random_effects import effects
 
-FEWEST = 8
+LEAST_UNITS_FOR_OUTLIERS = 8
 """Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""
 SHARE, MOST = 0.1, 100
 """Largest share and number of units that are tested as outliers. More would be another type of unit."""
@@ -31,7 +31,7 @@ def looked_for(count: Vector) -> NDArray[np.int64]:
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
     """
-    return np.where(count < FEWEST, 0, np.clip(np.floor(SHARE * count), 1, MOST)).astype(np.int64)
+    return np.where(count < LEAST_UNITS_FOR_OUTLIERS, 0, np.clip(np.floor(SHARE * count), 1, MOST)).astype(np.int64)
 
 
 def deviants(x: Matrix, s2: Matrix) -> Deviants:

@@ -33,7 +33,7 @@ SINGLY = 40
 """Largest number of units drawn as dots with intervals, not as a curve. Pinned by tests/plots/test_plot_fleet.py."""
 UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "cross", "plus")
 """Symbols of single units. They are used only if there are at most as many units as symbols."""
-HALF = 0.4
+HALF_STRIP = 0.4
 """Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
 COLUMNS = 3
 NAMED, LETTERS = 3, 14
@@ -130,7 +130,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     row = found[f"{sample.axis}.{sample.symbol}"]
     finite = np.isfinite(sample.x)
     order = np.flatnonzero(finite)[np.argsort(sample.x[finite], kind="stable")]
-    across = place + HALF * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
+    across = (
+        place + HALF_STRIP * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
+    )
     value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
     odd = {outlier.unit for outlier in found.outliers if (outlier.axis, outlier.symbol) == (sample.axis, sample.symbol)}
     alike = np.array([units[k] not in odd for k in order], dtype=bool)
@@ -147,7 +149,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         shown = np.flatnonzero(alike)
         points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
-        marks.append(Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE))
+        marks.append(
+            Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE, swatch=GREY)
+        )
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -169,11 +173,14 @@ def _dots(
     if len(units) > len(UNIT_SYMBOLS):
         dots = Stroke(colour, 0.0, symbol="circle")
         label = "Unit, with its confidence interval"
-        return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE)]
+        return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE, swatch=GREY)]
     short = [_short(unit) for unit in units]
     names = short if len(set(short)) == len(short) else units
     return [
-        Polyline(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), label=names[k], layer=MIDDLE)
+        Polyline(
+            across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]),
+            label=names[k], layer=MIDDLE, swatch=GREY,
+        )
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
 
@@ -184,7 +191,7 @@ def _further(
     """Return the marks of the prediction interval and the typical value, and the interval's ends; all may be empty."""
     if row.predicted_low is None or row.predicted_high is None or row.typical is None:
         return [], np.array([])
-    ends = place + np.array([-HALF, HALF])
+    ends = place + np.array([-HALF_STRIP, HALF_STRIP])
     low, high = factor * row.predicted_low, factor * row.predicted_high
     label = f"Range of a further unit ({100 * confidence:g} %)"
     band = Band(
@@ -205,7 +212,9 @@ def _limit_marks(place: int, sample: ParameterSample, row: FleetNumber, factor: 
     if high.size > SINGLY:
         high, width = np.quantile(high, (0.05, 0.5, 0.95)), 0.8
     stroke = Stroke(GREY, width, symbol="down", filled=False)
-    return [Polyline(np.full(high.size, place + HALF + 0.05), high, stroke, label="Upper limits", layer=BEHIND)], high
+    return [
+        Polyline(np.full(high.size, place + HALF_STRIP + 0.05), high, stroke, label="Upper limits", layer=BEHIND)
+    ], high
 
 
 def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
@@ -230,10 +239,11 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
     texts: list[Text] = []
     for across, tall, unit in stars:
         low, high = y.limits
-        share = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
-        up = share + CLEAR if share + CLEAR < 1 - CLEAR / 2 else share - CLEAR
+        up = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
         half = LETTER * (len(_short(unit)) + 1) / 2
-        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0])))
+        # The dots of the strip have other heights, and the interval is at the star: the name is beside the star.
+        inward = -half if across > round(across) else half
+        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0]) + inward))
         clear = all(
             abs(up - text.y) > CLEAR or abs(side - text.x) > half + LETTER * len(text.text) / 2 for text in texts
         )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.applications.fleets.axes import differences
 from gmwm.applications.fleets.findings import LEAST_UNITS
-from gmwm.applications.fleets.outlier_units import FEWEST, deviants, looked_for
+from gmwm.applications.fleets.outlier_units import LEAST_UNITS_FOR_OUTLIERS, deviants, looked_for
 from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.base.arrays import Matrix, Vector
@@ -157,7 +157,9 @@ def _rows(
         if row.predicted_low is not None and sample.symbol != SIGNED:
             under = sample.limited & (np.where(sample.limited, sample.high, np.inf) < row.predicted_low)
             below = tuple(read.units[place] for place in np.flatnonzero(under))
-        few = 0 < row.units < FEWEST and row.limited >= 3 * row.units and sample.symbol != SIGNED  # a convention
+        few = (
+            0 < row.units < LEAST_UNITS_FOR_OUTLIERS and row.limited >= 3 * row.units and sample.symbol != SIGNED
+        )  # a convention
         shown = tuple(read.units[place] for place in np.flatnonzero(np.isfinite(x[k]))) if few else ()
         gone = int(np.sum(np.isfinite(x[k]) & ~np.isfinite(kept[k])))
         numbers.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))

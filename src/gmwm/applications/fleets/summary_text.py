@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import counted, p_relation, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
 from gmwm.base.units import datasheet_units
-from gmwm.calibration.tables import SENSORS, WIDTH, bullet, wrap_text
+from gmwm.calibration.tables import SENSORS, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
 
 _NONE = "–"
-LISTED = 10
+MOST_UNITS_LISTED = 10
 """Largest number of failed units and of outliers that a summary lists."""
 
 
@@ -30,8 +30,10 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
     parts = [wrap_text(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     if fleet.failed:
-        listed = [line for unit, why in list(fleet.failed.items())[:LISTED] for line in bullet(f"{unit}: {why}")]
-        more = [f"- and {len(fleet.failed) - LISTED} more"] if len(fleet.failed) > LISTED else []
+        listed = [
+            line for unit, why in list(fleet.failed.items())[:MOST_UNITS_LISTED] for line in bullet(f"{unit}: {why}")
+        ]
+        more = [f"- and {len(fleet.failed) - MOST_UNITS_LISTED} more"] if len(fleet.failed) > MOST_UNITS_LISTED else []
         parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *listed, *more])
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
@@ -48,8 +50,8 @@ def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) 
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
     parts.append(wrap_text(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
-        shown = [line for item in found.outliers[:LISTED] for line in bullet(_outlier(item))]
-        more = len(found.outliers) - LISTED
+        shown = [line for item in found.outliers[:MOST_UNITS_LISTED] for line in bullet(_outlier(item))]
+        more = len(found.outliers) - MOST_UNITS_LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
     if differ := [item for item in found.differences if item.differs]:
         parts.append(["Axes that differ:", *(line for item in differ for line in bullet(_difference(item)))])
@@ -84,7 +86,7 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
     lines = table_with_rule(cells)
-    if max(map(len, lines)) > WIDTH:
+    if max(map(len, lines)) > TEXT_WIDTH:
         lines = table_with_rule([[*row[:4], row[5]] for row in cells])
     return lines
 

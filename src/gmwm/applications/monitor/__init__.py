@@ -2,9 +2,23 @@
 
 from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.baseline import Baseline
+from gmwm.applications.monitor.consistency import consistency
+from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency, PredictionError
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.redundant import UnitEvent, redundant
 from gmwm.applications.monitor.setup import baselines
 from gmwm.applications.monitor.trace import Trace
 
-__all__ = ["Baseline", "Event", "Monitor", "Trace", "UnitEvent", "baselines", "redundant"]
+__all__ = [
+    "AxisConsistency",
+    "Baseline",
+    "Consistency",
+    "Event",
+    "Monitor",
+    "PredictionError",
+    "Trace",
+    "UnitEvent",
+    "baselines",
+    "consistency",
+    "redundant",
+]

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.monitor.axis import MonitoredAxis
 from gmwm.applications.monitor.baseline import Baseline
-from gmwm.applications.monitor.charts import LONGEST_REST, Alarm, ChartSettings
+from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
 from gmwm.applications.monitor.clock import SampleClock
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.naming import NAMING, naming_time
+from gmwm.applications.monitor.naming import NAMING_S, naming_time
 from gmwm.applications.monitor.setup import (
     as_every,
     baselines_of,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
 
-HOLD = 60.0
+HOLD_S = 60.0
 """Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""
 REMEMBERED_S = 3600.0
 """A fault that recurs within this time (s) is not reported again, unless it is larger. A jump is always reported."""
@@ -129,8 +129,8 @@ class Monitor(OneAtATime):
         charts = sum(charts_of.charts for charts_of in settings.values())
         # Events per alarm of a chart: neighbouring levels raise alarms together (docs/validation/monitor.md).
         self.run_length = 0.7 * self.every * self.rate * charts
-        self._naming = max(round(NAMING * self.rate), 1)
-        longest = max(round(LONGEST_REST * self.rate), self._naming)
+        self._naming = max(round(NAMING_S * self.rate), 1)
+        longest = max(round(LONGEST_PAUSE_S * self.rate), self._naming)
         self._axes = {
             axis: MonitoredAxis(
                 gains[axis], settings[axis], run_length=self.run_length, rest=self._naming, longest_rest=longest
@@ -309,7 +309,7 @@ class Monitor(OneAtATime):
         self._clock = self._clock.after_gap(self._count, time)
         if told:
             return []
-        earlier, self._lost_until = self._lost_until, self._count + round(HOLD * self.rate)
+        earlier, self._lost_until = self._lost_until, self._count + round(HOLD_S * self.rate)
         if self._count <= earlier:
             return []
         size = None if samples is None else float(samples)
@@ -361,7 +361,7 @@ class Monitor(OneAtATime):
         for axis, alarm in pool:
             by_axis.setdefault(axis, []).append(alarm)
         faults = {axis: self._axes[axis].name(alarms) for axis, alarms in by_axis.items()}
-        hold = round(HOLD * self.rate)
+        hold = round(HOLD_S * self.rate)
         moving = [axis for axis, fault in faults.items() if fault.is_motion or self._axes[axis].is_loud(self._naming)]
         # An axis with a reported fault raises no new alarm, but large innovations show that it moves too.
         others = [

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.applications.monitor.charts import BLOCKS, ChartSettings, differences, white_shape, window
+from gmwm.applications.monitor.charts import BLOCKS_OF_LEVEL, ChartSettings, differences, white_shape, window
 from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.thresholds import spike_limit
 from gmwm.applications.monitor.whitening import Gain, Whitener
@@ -20,8 +20,8 @@ from gmwm.theory.processes.model import Model
 
 LEAST_BLOCKS = 80
 """Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
-LARGEST = 1e15
-"""Largest number in a baseline; ratios, shapes and scatter are at least 1 / `LARGEST`. Other numbers are damage."""
+LARGEST_RATIO = 1e15
+"""Largest number in a baseline; ratios, shapes and scatter are at least its inverse. Other numbers are damage."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +91,8 @@ class Baseline(FrozenArrays):
         total = sum(e.size for e in errors)
         if not ratios.size or not scatter:
             raise DataError(
-                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS} without a gap",
+                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS_OF_LEVEL} "
+                "without a gap",
                 argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
             )  # fmt: skip
         values = np.concatenate(segments)
@@ -125,10 +126,15 @@ class Baseline(FrozenArrays):
             counts = {name: int(content[name]) for name in ("samples", "equal")}
         except (KeyError, TypeError, ValueError) as error:
             raise ReadError(f"not a baseline: {error}", advice="Measure the baseline again.") from error
-        good = all(a.ndim == 1 and a.size and bool(np.all((a > 1 / LARGEST) & (a < LARGEST))) for a in arrays.values())
-        good = good and all(abs(value) < LARGEST for value in numbers.values())
+        good = all(
+            a.ndim == 1 and a.size and bool(np.all((a > 1 / LARGEST_RATIO) & (a < LARGEST_RATIO)))
+            for a in arrays.values()
+        )
+        good = good and all(abs(value) < LARGEST_RATIO for value in numbers.values())
         if not good or arrays["ratios"].size != arrays["shapes"].size or counts["samples"] < 1:
-            reason = f"ratios, shapes and scatter must be lists of numbers from {1 / LARGEST:g} to {LARGEST:g}"
+            reason = (
+                f"ratios, shapes and scatter must be lists of numbers from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g}"
+            )
             raise ReadError(f"not a baseline: {reason}", advice="Measure the baseline again.")
         scatter = tuple(arrays.pop("scatter").tolist())
         return cls(**arrays, scatter=scatter, **numbers, **counts)  # type: ignore[arg-type]
@@ -183,13 +189,13 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
     """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
     the segments."""
-    long = [part for part in segments if part.size >= BLOCKS * m]
+    long = [part for part in segments if part.size >= BLOCKS_OF_LEVEL * m]
     if not long:
         return np.zeros(0)
     sizes = np.array([part.size for part in long])
-    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (BLOCKS * m)
-    first = np.repeat(starts - BLOCKS * m * (np.cumsum(counts) - counts), counts)
-    places = first[:, None] + np.arange(counts.sum() * BLOCKS * m).reshape(-1, BLOCKS * m)
+    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (BLOCKS_OF_LEVEL * m)
+    first = np.repeat(starts - BLOCKS_OF_LEVEL * m * (np.cumsum(counts) - counts), counts)
+    places = first[:, None] + np.arange(counts.sum() * BLOCKS_OF_LEVEL * m).reshape(-1, BLOCKS_OF_LEVEL * m)
     squares = np.square(differences(np.concatenate(long), m)) / 2.0**level
     return np.asarray(squares[places].mean(axis=1))
 

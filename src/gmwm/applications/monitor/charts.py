@@ -16,7 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.applications.monitor.stored import numbers, whole, wholes
-from gmwm.applications.monitor.thresholds import SHIFT, level_threshold, noise_threshold, shape_factor, spike_limit
+from gmwm.applications.monitor.thresholds import (
+    DESIGN_SHIFT,
+    level_threshold,
+    noise_threshold,
+    shape_factor,
+    spike_limit,
+)
 from gmwm.base.arrays import Vector
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
@@ -30,14 +36,14 @@ NOISE: tuple[tuple[Family, int, float], ...] = (
 """Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
 of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
 increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
-BLOCKS = 4
+BLOCKS_OF_LEVEL = 4
 """Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
 (docs/validation/monitor.md)."""
-UNIT = 2.0**24
+STATISTIC_UNIT = 2.0**24
 """The chart statistics are integers in units of 1/UNIT."""
-FARTHEST = 6.0
+LARGEST_INNOVATION = 6.0
 """Limit of innovations, means and coefficients (standard deviations), so that a wrong sample is no jump."""
-LONGEST_REST = 60.0
+LONGEST_PAUSE_S = 60.0
 """Longest pause (s) of a chart between two alarms while a fault lasts."""
 
 
@@ -66,7 +72,7 @@ def white_shape(level: int) -> float:
     _, m = window(level)
     half = np.repeat([1.0, -1.0], m // 2)
     rho = np.correlate(half, half, "full") / m
-    return float(BLOCKS * m / (2.0 * np.sum(rho**2)))
+    return float(BLOCKS_OF_LEVEL * m / (2.0 * np.sum(rho**2)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +116,7 @@ class Charts:
         self.noise: dict[tuple[int, float], int] = {}  # indices of the noise charts, by level and variance ratio
         self.means: dict[tuple[int, int], int] = {}  # indices of the level charts, by level and direction
         for level in range(1, settings.ratios.size + 1):
-            blocks = run_length / (BLOCKS << level)
+            blocks = run_length / (BLOCKS_OF_LEVEL << level)
             for family, sign, ratio in NOISE:
                 k = self._shape(level, ratio)
                 self.noise[level, ratio] = len(self.names)
@@ -124,7 +130,7 @@ class Charts:
         self.names.append(("spike", 0, 1))
         limits.append(0.0)
         self.spike = spike_limit(run_length) * settings.tail
-        self.limits = np.rint(np.array(limits) * UNIT).astype(np.int64).tolist()
+        self.limits = np.rint(np.array(limits) * STATISTIC_UNIT).astype(np.int64).tolist()
         self.count = 0
         self.recent = np.zeros(0)  # block sums of level 6 of the last update
         self.peaks = [0] * len(self.names)  # largest statistics since the last `forget_peaks`, for plots
@@ -162,7 +168,7 @@ class Charts:
         if not e.size:
             return []
         alarms = list(self._spikes(e))
-        clipped = np.clip(e, -FARTHEST * self.settings.tail, FARTHEST * self.settings.tail)
+        clipped = np.clip(e, -LARGEST_INNOVATION * self.settings.tail, LARGEST_INNOVATION * self.settings.tail)
         sums, self.recent = clipped, np.zeros(0)
         waiting, done = list(self.left), list(self.done)
         tails, squares = list(self.tails), list(self.squares)
@@ -203,8 +209,8 @@ class Charts:
         if level >= self.settings.scatter.size:
             return
         z = sums / (2.0 ** (level / 2.0) * self.settings.scatter[level])
-        scaled = np.rint(np.clip(z, -FARTHEST, FARTHEST) * UNIT).astype(np.int64)
-        half = int(UNIT * SHIFT / 2.0)
+        scaled = np.rint(np.clip(z, -LARGEST_INNOVATION, LARGEST_INNOVATION) * STATISTIC_UNIT).astype(np.int64)
+        half = int(STATISTIC_UNIT * DESIGN_SHIFT / 2.0)
         for sign in (1, -1):
             place = self.means[level, sign]
             yield from self._chart(place, sign * scaled - half, first, states)
@@ -222,9 +228,9 @@ class Charts:
         # With the right model, 2^{j/2} W_j has a standard normal distribution.
         w *= 1.0 / (2.0 ** (level / 2.0) * np.sqrt(self.settings.ratios[at]))
         w *= w
-        np.minimum(w, (FARTHEST * self.settings.tail) ** 2, out=w)
+        np.minimum(w, (LARGEST_INNOVATION * self.settings.tail) ** 2, out=w)
         ready = np.concatenate([squares[at], w])
-        length = BLOCKS * m
+        length = BLOCKS_OF_LEVEL * m
         blocks = ready.size // length
         squares[at] = ready[blocks * length :]
         if not blocks:
@@ -241,9 +247,9 @@ class Charts:
         for _, sign, ratio in NOISE:
             k = self._shape(level, ratio)
             l = k * (y / self.settings.band**sign * (1.0 - 1.0 / ratio) - np.log(ratio))  # noqa: E741
-            scaled = np.rint(np.clip(l, -1e6, 1e6) * UNIT).astype(np.int64)
+            scaled = np.rint(np.clip(l, -1e6, 1e6) * STATISTIC_UNIT).astype(np.int64)
             place = self.noise[level, ratio]
-            yield from self._chart(place, scaled, first, states, width=BLOCKS << level)
+            yield from self._chart(place, scaled, first, states, width=BLOCKS_OF_LEVEL << level)
 
     def _chart(
         self, place: int, steps: Integers, first: int, states: States, width: int | None = None
@@ -272,7 +278,7 @@ class Charts:
                 sums[place] = int(path[-1])
                 return
             sample = first + (at + over) * width
-            score = float(path[over]) / UNIT
+            score = float(path[over]) / STATISTIC_UNIT
             yield Alarm(sample, family, level, sign, onset=zeros[place], score=score)
             again = sample - rests[place] <= 4 * pauses[place]
             pauses[place] = min(2 * pauses[place], self.longest_rest) if again else self.rest

@@ -13,7 +13,7 @@ from gmwm.applications.monitor.events import Kind
 from gmwm.applications.monitor.whitening import Gain
 from gmwm.base.arrays import Vector
 
-NAMING = 1.0
+NAMING_S = 1.0
 """Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
 SLOWNESS, LONGEST_NAMING = 8.0, 60.0
 """A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
@@ -80,7 +80,7 @@ class _LevelChange:
 
 def naming_time(alarm: Alarm, rate: float) -> int:
     """Return the number of samples after a first alarm at which its fault is determined; more for a slow change."""
-    usual = max(round(NAMING * rate), 1)
+    usual = max(round(NAMING_S * rate), 1)
     if alarm.family != "level":
         return usual
     slow = round(SLOWNESS * (alarm.sample - alarm.onset))

@@ -10,7 +10,7 @@ import numpy as np
 from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.baseline import Baseline
 from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.naming import NAMING
+from gmwm.applications.monitor.naming import NAMING_S
 from gmwm.applications.monitor.setup import as_every, check_rate, chunks_of, common_rate, models_of
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 UNITS_TO_COMPARE = 3
 """Smallest number of units with which the changed unit can be identified."""
-LONGEST_MOTION = 60.0
+LONGEST_MOTION_S = 60.0
 """Longest time (s) for which all units may move together."""
 
 
@@ -113,9 +113,9 @@ def _events(
         motion = [event for event in common.update(mean) if event.kind in ("moved", "still")]
         yield from (UnitEvent("", event) for event in motion)
         if motion or common.resting:
-            if common.resting and common.moving_for > LONGEST_MOTION:
+            if common.resting and common.moving_for > LONGEST_MOTION_S:
                 raise DataError(
-                    f"the units have moved for more than {LONGEST_MOTION:g} s: they can be compared only at rest, "
+                    f"the units have moved for more than {LONGEST_MOTION_S:g} s: they can be compared only at rest, "
                     "because a difference of 0.1 % in scale is 180 deg/h at 50 deg/s",
                     argument="recordings", advice="Leave the motion out with {--skip}, or record at rest.",
                 )  # fmt: skip
@@ -145,7 +145,7 @@ class _Culprits:
             by_axis.setdefault(item.event.axis, []).append(item)
         for axis, events in by_axis.items():
             begin = min(item.event.time for item in events)
-            first = [item for item in events if item.event.time <= begin + NAMING]
+            first = [item for item in events if item.event.time <= begin + NAMING_S]
             size = {item: max(abs(item.event.size or 0.0), item.event.ratio or 0.0) for item in events}
             for item in sorted(events, key=lambda item: (item not in first, -size[item], item.event.time)):
                 name, until = self._until.get(axis, ("", -np.inf))

@@ -59,15 +59,15 @@ def check_rate(rate: float, expected: float) -> None:
         )  # fmt: skip
 
 
-LONGEST_EVERY = 1e12
+LONGEST_RUN_S = 1e12
 """Longest time (s) between false alarms. The thresholds of the charts need a run length that is finite."""
 
 
 def as_every(every: str | float) -> float:
     """Return the time between false alarms in seconds."""
     seconds = parse_length(every, "every") if isinstance(every, str) else every
-    if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not 0 < seconds <= LONGEST_EVERY:
-        expected = f"a time above 0 s and at most {LONGEST_EVERY:g} s, such as 30d"
+    if isinstance(seconds, bool) or not isinstance(seconds, (int, float)) or not 0 < seconds <= LONGEST_RUN_S:
+        expected = f"a time above 0 s and at most {LONGEST_RUN_S:g} s, such as 30d"
         raise OptionError(argument="every", expected=expected, got=every)
     return float(seconds)
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 
-SHIFT = 1.0
+DESIGN_SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
-SOLVED_AT = 1e5
+SOLVED_RUN_BLOCKS = 1e5
 """Run length (blocks) of the integral equation. For others, the threshold is extrapolated in its logarithm, with an
 error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
 
@@ -20,7 +20,7 @@ def level_threshold(run_length: float) -> float:
     """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z. The average
     run length in blocks is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, Siegmund's correction for
     discrete time (Siegmund 1985, Sequential Analysis, section 2.6)."""
-    kappa = SHIFT / 2.0
+    kappa = DESIGN_SHIFT / 2.0
     low, high = 0.0, math.log(run_length + 10.0) / (2.0 * kappa) + 10.0
     while high - low > 1e-9:
         middle = 0.5 * (low + high)
@@ -42,11 +42,11 @@ def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
 @lru_cache(maxsize=4096)
 def _advantage(shape: float, ratio: float) -> float:
     """Return ln C = ln(run length) − h at a run length of 10⁵ blocks."""
-    low, high = 0.05, math.log(SOLVED_AT) + 1.0
+    low, high = 0.05, math.log(SOLVED_RUN_BLOCKS) + 1.0
     while high - low > 1e-3:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if noise_run_length(middle, shape, ratio) < SOLVED_AT else (low, middle)
-    return math.log(SOLVED_AT) - high
+        low, high = (middle, high) if noise_run_length(middle, shape, ratio) < SOLVED_RUN_BLOCKS else (low, middle)
+    return math.log(SOLVED_RUN_BLOCKS) - high
 
 
 @lru_cache(maxsize=64)

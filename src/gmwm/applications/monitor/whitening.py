@@ -24,9 +24,9 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError
 
-FRAME = 1024
+FRAME_SAMPLES = 1024
 """Number of samples (a frame) for which the response to the initial state is computed in one step."""
-DIFFUSE = 1e-12
+DIFFUSE_INFORMATION = 1e-12
 """Prior information on a diffuse level over that of a sample. It agrees with the limit of zero to 12 digits."""
 
 
@@ -92,16 +92,16 @@ class Gain:
     @cached_property
     def responses(self) -> Matrix:
         """Responses H Φⁱ/√S (FRAME, p) of standardised innovations to the initial state, for i = 0 … FRAME − 1."""
-        rows = np.empty((FRAME, self.H.size))
+        rows = np.empty((FRAME_SAMPLES, self.H.size))
         rows[0] = self.H / math.sqrt(self.S)
-        for k in range(1, FRAME):
+        for k in range(1, FRAME_SAMPLES):
             rows[k] = rows[k - 1] @ self.phi
         return rows
 
     @cached_property
     def frame_step(self) -> Matrix:
         """Φ^FRAME, the transition over one frame."""
-        return np.linalg.matrix_power(self.phi, FRAME)
+        return np.linalg.matrix_power(self.phi, FRAME_SAMPLES)
 
     def after_gap(self, samples: int) -> Matrix:
         """Return B (p, m) after a gap: a factor of the covariance that missing samples add to the predicted state."""
@@ -193,7 +193,7 @@ class Whitener:
         m = start.shape[1]
         self.columns = m
         self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B for the present frame k
-        self.information = np.diag([DIFFUSE] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
+        self.information = np.diag([DIFFUSE_INFORMATION] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
         self.moments = np.zeros(m)
         self._rows: Matrix | None = None
         self._peaks = np.zeros(0)
@@ -214,19 +214,21 @@ class Whitener:
         out /= math.sqrt(self.gain.S)
         at = 0
         while self.columns and at < out.size:
-            n = min(out.size - at, FRAME - self.count % FRAME)
+            n = min(out.size - at, FRAME_SAMPLES - self.count % FRAME_SAMPLES)
             self._correct(out[at : at + n])
             at += n
         return out
 
     def _correct(self, e: Vector) -> None:
         """Subtract the contribution of the initial state from innovations within a frame, in place."""
-        rows, first = self._frame(), self.count % FRAME
+        rows, first = self._frame(), self.count % FRAME_SAMPLES
         self.information, self.moments = self.information.copy(), self.moments.copy()
         # The sample that first determines a diffuse level has an innovation of infinite variance, which is not used.
-        _core.least_squares_innovations(rows[first : first + e.size], 1e-3 / DIFFUSE, self.information, self.moments, e)
+        _core.least_squares_innovations(
+            rows[first : first + e.size], 1e-3 / DIFFUSE_INFORMATION, self.information, self.moments, e
+        )
         self.count += e.size
-        if self.count % FRAME == 0:
+        if self.count % FRAME_SAMPLES == 0:
             self._next_frame()
 
     def _next_frame(self) -> None:
@@ -255,7 +257,7 @@ class Whitener:
         if self._rows is None:
             # Larger products would start BLAS threads, which is slower here.
             rows = max((1 << 17) // max(self.power.size, 1), 1)
-            parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME, rows)]
+            parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME_SAMPLES, rows)]
             self._rows = np.concatenate(parts)
             self._peaks = np.max(self._rows**2, axis=0)
         return self._rows

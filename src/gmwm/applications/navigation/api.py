@@ -17,7 +17,7 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.choosing.datasheets.limits import WIDEST
+from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -27,7 +27,7 @@ GRAVITY = STANDARD_GRAVITY
 """Default gravity (m/s²)."""
 LATITUDE = 45.0
 """Default latitude (deg)."""
-REST = 60.0
+REST_S = 60.0
 """Default time at rest before navigation (s). With it, every term is an error since a known bias, so that the budget
 does not depend on whether slow noise is called flicker noise, a random walk or a Gauss-Markov process
 (docs/howto/budget.md)."""
@@ -46,7 +46,7 @@ _ERRORS = {
 
 def budget(
     noise: Mapping[str, Fit | Model | Process | str], duration: float | str, *, rate: float | None = None,
-    rest: float | str = REST, latitude: float = LATITUDE, gravity: float = GRAVITY, level: float = 0.95,
+    rest: float | str = REST_S, latitude: float = LATITUDE, gravity: float = GRAVITY, level: float = 0.95,
 ) -> Budget:  # fmt: skip
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
@@ -160,9 +160,9 @@ class _ErrorPart:
 
 
 def _is_wide(total: Matrix, error: Matrix) -> Matrix:
-    """Return where the ends of the interval of a root mean square differ by more than a factor of `WIDEST`, from the
-    mean squares and half the widths of their intervals."""
-    return np.asarray((total > 0) & (error > math.log(WIDEST) * total))
+    """Return where the ends of the interval of a root mean square differ by more than a factor of `WIDEST_INTERVAL`,
+    from the mean squares and half the widths of their intervals."""
+    return np.asarray((total > 0) & (error > math.log(WIDEST_INTERVAL) * total))
 
 
 @dataclass(frozen=True, eq=False)

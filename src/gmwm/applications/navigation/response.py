@@ -23,7 +23,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import start_at_zero
 from gmwm.theory.statespace import StateSpace
 
-RADIUS = 6.371e6
+EARTH_RADIUS_M = 6.371e6
 """Mean radius of the Earth (m)."""
 EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth (rad/s), WGS 84."""
@@ -55,11 +55,11 @@ def navigation(axis: str, gravity: float, latitude: float) -> Response:
     earth = EARTH_RATE * np.array([cosine, 0.0, -sine])
     a = np.zeros((9, 9))
     a[:3, :3] = -_cross_matrix(earth)
-    a[:3, 3:6] = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -sine / cosine, 0.0]]) / RADIUS
-    a[:3, 6] = EARTH_RATE * np.array([-sine, 0.0, -cosine]) / RADIUS
+    a[:3, 3:6] = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -sine / cosine, 0.0]]) / EARTH_RADIUS_M
+    a[:3, 6] = EARTH_RATE * np.array([-sine, 0.0, -cosine]) / EARTH_RADIUS_M
     a[3:6, :3] = _cross_matrix(np.array([0.0, 0.0, -gravity]))
     a[3:6, 3:6] = -2.0 * _cross_matrix(earth)
-    a[5, 8] = 2.0 * gravity / RADIUS
+    a[5, 8] = 2.0 * gravity / EARTH_RADIUS_M
     a[6:, 3:6] = np.eye(3)
     place = AXES.index(axis)
     drive, at_start = np.zeros(9), np.zeros(9)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Summarised
@@ -54,13 +56,23 @@ class Growth(FrozenArrays):
         """Whether there is no interval, because the values of the model were given."""
         return bool(np.all(self.low == self.high))
 
+    @property
+    def upper_only(self) -> NDArray[np.bool_]:
+        """Mask (T,) of the times at which the error has only an upper limit, `high`."""
+        return np.asarray((self.low == 0) & (self.high > 0))
+
+    @property
+    def stated(self) -> Vector:
+        """The error (T,) that texts and tables state: `error`, or the upper limit if there is only one."""
+        return np.where(self.upper_only, self.high, self.error)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the error as plain values for JSON."""
-        return plain_fields(self, "title unit times error low high terms")
+        return plain_fields(self, "title unit times error low high upper_only terms")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Budget(Summarised, Plotted, Mapping[str, Growth]):
+class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
     """The error budget of unaided inertial navigation: a mapping of name to `Growth`.
 
     Attributes
@@ -130,14 +142,18 @@ class Budget(Summarised, Plotted, Mapping[str, Growth]):
         facts = plain_fields(self, "duration rest latitude gravity level")
         return facts | {"growth": plain(self.growths), **plain_fields(self, "alignment remarks")}
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("error", "time")
+
+    def to_polars(self) -> DataFrame:
         """Return the errors as a Polars data frame, with one row for each error and time."""
         from polars import DataFrame
 
         rows = [
-            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high}
+            {"error": name, "unit": growth.unit, "time": t, "value": v, "low": low, "high": high, "upper_only": upper}
             for name, growth in self.items()
-            for t, v, low, high in zip(growth.times, growth.error, growth.low, growth.high, strict=True)
+            for t, v, low, high, upper in zip(
+                growth.times, growth.error, growth.low, growth.high, growth.upper_only.tolist(), strict=True
+            )
         ]
         return DataFrame(rows, infer_schema_length=None)
 

@@ -38,7 +38,7 @@ def summary(budget: Budget) -> str:
 def headline(budget: Budget) -> str:
     """Return one sentence with the largest tilt, heading and position errors at the end of the duration."""
     parts = [
-        f"{kind} {significant(float(worst.error[-1]), 2)} {worst.unit}"
+        f"{kind} {number_text(worst, budget.duration)} {worst.unit}"
         for kind in ("tilt", "heading", "position")
         if (worst := largest(budget, kind)) is not None
     ]
@@ -56,7 +56,18 @@ def start(budget: Budget) -> str:
 def largest(budget: Budget, kind: str) -> Growth | None:
     """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
     candidates = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
-    return max(candidates, key=lambda growth: float(growth.error[-1]), default=None)
+    return max(candidates, key=lambda growth: float(growth.stated[-1]), default=None)
+
+
+def number_text(one: Growth, time: float, largest_number: float = np.inf) -> str:
+    """Format an error at a time (s) without its interval, or its upper limit; both are interpolated linearly on
+    logarithmic scales. Of a larger error than `largest_number`, only this is stated."""
+    with np.errstate(divide="ignore"):
+        value = float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.stated))))
+    if value >= largest_number:
+        return f"> {largest_number:g}"
+    limit = bool(one.upper_only[min(int(np.searchsorted(one.times, time)), len(one.times) - 1)])
+    return f"{'≤ ' if limit else ''}{significant(value, 3)}"
 
 
 def error_text(one: Growth, k: int = -1) -> str:
@@ -64,7 +75,7 @@ def error_text(one: Growth, k: int = -1) -> str:
     value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
     if low == high:
         return f"{significant(value, 3)} {one.unit}"
-    if low == 0:
+    if one.upper_only[k]:
         return f"≤ {significant(high, 3)} {one.unit}"
     return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
 
@@ -88,15 +99,14 @@ def _growth(budget: Budget) -> list[str]:
     kinds = {kind: growth for kind in _KINDS if (growth := largest(budget, kind)) is not None}
     rows: list[Sequence[str]] = [("time", *(f"{kind} ({growth.unit})" for kind, growth in kinds.items()))]
     for time in shown_times(budget):
-        rows.append((duration_text(time), *(significant(at(growth, time), 3) for growth in kinds.values())))
+        rows.append((duration_text(time), *(number_text(growth, time) for growth in kinds.values())))
     return _table(rows, right=range(1, len(rows[0])))
 
 
 def _alignment(budget: Budget) -> list[str]:
     rows: list[Sequence[str]] = [("averaging", *(f"{growth.title} (deg)" for growth in budget.alignment.values()))]
     for time in shown_times(budget):
-        values = [at(growth, time) for growth in budget.alignment.values()]
-        rows.append((duration_text(time), *(significant(v, 3) if v < RIGHT_ANGLE else "> 90" for v in values)))
+        rows.append((duration_text(time), *(number_text(g, time, RIGHT_ANGLE) for g in budget.alignment.values())))
     return _table(rows, right=range(1, len(rows[0])))
 
 
@@ -104,12 +114,6 @@ def shown_times(budget: Budget) -> list[float]:
     """Return the times (s) for which the tables show the errors."""
     inside = [time for time in SHOWN if budget.times[0] <= time < 0.99 * budget.duration]
     return [*inside, budget.duration]
-
-
-def at(one: Growth, time: float) -> float:
-    """Return an error at a time (s), interpolated linearly on logarithmic scales."""
-    with np.errstate(divide="ignore"):
-        return float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.error))))
 
 
 def method(budget: Budget) -> list[str]:
@@ -131,7 +135,7 @@ def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "o
 
 
 def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
-    """Return the title of each error that both budgets have, its two values as text, and their ratio."""
+    """Return the title of each error that both budgets have, its two values as text, and the ratio of these."""
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):
             raise OptionError(argument="other", expected=f"a budget with the same {name}", got=getattr(other, name))
@@ -140,7 +144,7 @@ def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, flo
         raise OptionError(argument="other", expected=f"a budget of {', '.join(one)}", got=", ".join(other))
     rows = []
     for name in shared:
-        ratio = float(other[name].error[-1]) / float(one[name].error[-1]) if one[name].error[-1] > 0 else np.inf
+        ratio = float(other[name].stated[-1]) / float(one[name].stated[-1]) if one[name].stated[-1] > 0 else np.inf
         rows.append((one[name].title, error_text(one[name]), error_text(other[name]), ratio))
     return rows
 

@@ -9,7 +9,7 @@ from gmwm.applications.several.block_means import shared_noise
 from gmwm.applications.several.result import SharedNoise
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.calibration.additions import RecordingAddition
-from gmwm.calibration.findings import SIZE
+from gmwm.calibration.findings import TEST_SIZE
 from gmwm.calibration.recording_findings import pairs_facts
 
 if TYPE_CHECKING:
@@ -39,5 +39,5 @@ class SharedNoiseAddition(RecordingAddition):
                 "noise-shared", case="calibration",
                 **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
-                size=SIZE,
+                size=TEST_SIZE,
             )  # fmt: skip

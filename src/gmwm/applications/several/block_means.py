@@ -18,7 +18,7 @@ from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.threads import in_threads
 from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
 
-MOST = 1 << 20
+MOST_BLOCK_MEANS = 1 << 20
 """Largest number of block means. The test then takes less than 5 % of the time of a calibration (0.32 s of 16.8 s)."""
 
 
@@ -26,12 +26,12 @@ def shared_noise(
     signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None
 ) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value. Of more than
-    `MOST` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k finest scales
-    are then not tested. Linear trends are removed first, because two axes with unrelated drifts are correlated at the
-    largest scales. Axes without noise at some scale are left out."""
+    `MOST_BLOCK_MEANS` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
+    finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
+    correlated at the largest scales. Axes without noise at some scale are left out."""
     try:
         filled = synchronous_signals(signals, None)
-        k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST.bit_length() + 1)
+        k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
         means = in_threads(lambda _, signal: _detrend(block_means(signal, k)), filled, threads=threads)
         curves = in_threads(lambda _, signal: measure(signal, False, 0.6), means, threads=threads)
         curves = {axis: wv for axis, wv in curves.items() if np.all(wv.variance > 0)}

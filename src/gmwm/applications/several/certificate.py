@@ -27,7 +27,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-GAP = 1e-3
+LARGEST_GAP = 1e-3
 """The search ends when the relative gap between the objective and its lower bound is at most this."""
 
 
@@ -151,21 +151,21 @@ class Prover:
         seen, nodes, low = {root}, 1, bound
         while heap:
             low, _, node = heapq.heappop(heap)
-            if low >= best.objective * (1 - GAP) or nodes >= 2000 or time.monotonic() > end:
+            if low >= best.objective * (1 - LARGEST_GAP) or nodes >= 2000 or time.monotonic() > end:
                 break
             for child in self._children(node):
                 if child in seen:
                     continue
                 seen.add(child)
-                bound, places = self.bound(child, best.objective * (1 - GAP))
+                bound, places = self.bound(child, best.objective * (1 - LARGEST_GAP))
                 nodes += 1
-                if bound < best.objective * (1 - GAP):
+                if bound < best.objective * (1 - LARGEST_GAP):
                     heapq.heappush(heap, (max(bound, low), next(ticket), child))
                     if nodes % 4 == 0 or nodes < 12:
                         local = descend(self.problem, places)
                         best = min(best, local, key=lambda one: one.objective)
         else:
-            low = best.objective * (1 - GAP)
+            low = best.objective * (1 - LARGEST_GAP)
         return Certificate(min(max(low, relaxed), best.objective), relaxed, nodes, best)
 
     def _children(self, node: Intervals) -> list[Intervals]:
@@ -205,7 +205,7 @@ class Prover:
             share = np.max(np.trace(solution.sigmas, axis1=1, axis2=2)[:, None] * every, axis=1)[len(self.linear) :]
             pieces = np.split(share, np.cumsum([s.size for s in chosen])[:-1])
             parts = np.array([s[np.argmax(part)] for s, part in zip(chosen, pieces, strict=True)])
-            if best >= enough > 0 or solution.objective - best <= 0.1 * GAP * solution.objective:
+            if best >= enough > 0 or solution.objective - best <= 0.1 * LARGEST_GAP * solution.objective:
                 break
             active = [s[part >= min(1e-6 * share.max(), part.max())] for s, part in zip(chosen, pieces, strict=True)]
             new = [np.unique(np.concatenate([s, peak])) for s, peak in zip(active, peaks, strict=True)]

@@ -11,9 +11,9 @@ from gmwm.base.arrays import Vector
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.recording.signals import Signal
 
-LARGEST_DELAY = 3
+LARGEST_DELAY_SAMPLES = 3
 """Largest delay (samples) that can be found."""
-WINGS = 12
+LARGEST_LAG_SAMPLES = 12
 """Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
 GAIN_IN_ERRORS = 5.0
 """Smallest gain of correlation by a delay, in standard errors. tests/joint/test_cross.py pins this module."""
@@ -28,13 +28,19 @@ def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
     delays: dict[tuple[str, str], int] = {}
     for level in (1, 2):  # a delay hardly changes the correlation at coarser levels
         count = last - first - (1 << level)
-        if count < 64 * WINGS:
+        if count < 64 * LARGEST_LAG_SAMPLES:
             break
         values = {name: signal.values[first:last] for name, signal in signals.items()}
         w = {name: haar(x - x.mean(), level) for name, x in values.items()}
         for pair in pairs_of(list(signals)):
             delay = _delay(
-                np.array([_correlation(w[pair[0]], w[pair[1]], lag) for lag in range(-WINGS, WINGS + 1)]), count
+                np.array(
+                    [
+                        _correlation(w[pair[0]], w[pair[1]], lag)
+                        for lag in range(-LARGEST_LAG_SAMPLES, LARGEST_LAG_SAMPLES + 1)
+                    ]
+                ),
+                count,
             )
             if delay:
                 delays.setdefault(pair, delay)
@@ -44,14 +50,14 @@ def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
 def _delay(correlation: Vector, count: int) -> int:
     """Return the delay that correlations at the lags −WINGS … WINGS show, or 0 if they show none."""
     size = np.abs(correlation)
-    near = size[WINGS - LARGEST_DELAY : WINGS + LARGEST_DELAY + 1]
-    delay = int(np.argmax(near)) - LARGEST_DELAY
-    peak = WINGS + delay
-    if size[peak] - size[WINGS] <= GAIN_IN_ERRORS / np.sqrt(count):
+    near = size[LARGEST_LAG_SAMPLES - LARGEST_DELAY_SAMPLES : LARGEST_LAG_SAMPLES + LARGEST_DELAY_SAMPLES + 1]
+    delay = int(np.argmax(near)) - LARGEST_DELAY_SAMPLES
+    peak = LARGEST_LAG_SAMPLES + delay
+    if size[peak] - size[LARGEST_LAG_SAMPLES] <= GAIN_IN_ERRORS / np.sqrt(count):
         return 0
-    offsets = np.arange(1, LARGEST_DELAY + 1)
+    offsets = np.arange(1, LARGEST_DELAY_SAMPLES + 1)
     uneven = np.abs(correlation[peak + offsets] - correlation[peak - offsets]).max()
-    far = np.concatenate([size[: peak - LARGEST_DELAY - 2], size[peak + LARGEST_DELAY + 3 :]]).max()
+    far = np.concatenate([size[: peak - LARGEST_DELAY_SAMPLES - 2], size[peak + LARGEST_DELAY_SAMPLES + 3 :]]).max()
     # Far from the delay, and in its asymmetry around it, the correlation is at most 0.4 of that at the delay.
     return delay if max(uneven, far) <= 0.4 * size[peak] else 0
 

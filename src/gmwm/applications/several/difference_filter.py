@@ -18,7 +18,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-BLOCK = 256
+BLOCK_SAMPLES = 256
 """Number of consecutive samples that are filtered by one matrix product."""
 
 
@@ -65,25 +65,25 @@ class DifferenceFilter:
     def _correction(self, z: Matrix) -> Vector:
         """Return C ξ_t (N,) for differences (d − 1, N), computed block by block."""
         count, n = z.shape[1], self.C.size
-        blocks = -(-count // BLOCK)
-        padded = np.zeros((blocks * BLOCK, z.shape[0]))
+        blocks = -(-count // BLOCK_SAMPLES)
+        padded = np.zeros((blocks * BLOCK_SAMPLES, z.shape[0]))
         padded[:count] = z.T
         rows = padded.reshape(blocks, -1)
         power, drive, out = np.eye(n), [], []
-        for _ in range(BLOCK):
+        for _ in range(BLOCK_SAMPLES):
             drive.append(power @ self.K)
             power = self.A @ power
             out.append(self.C @ power)
         # Response of the output at each sample of a block to the input at each earlier sample of the block.
         impulse = np.array([self.C @ matrix for matrix in drive])
-        within = np.zeros((BLOCK, BLOCK, z.shape[0]))
-        for lag in range(BLOCK):
-            within[np.arange(lag, BLOCK), np.arange(BLOCK - lag)] = impulse[lag]
+        within = np.zeros((BLOCK_SAMPLES, BLOCK_SAMPLES, z.shape[0]))
+        for lag in range(BLOCK_SAMPLES):
+            within[np.arange(lag, BLOCK_SAMPLES), np.arange(BLOCK_SAMPLES - lag)] = impulse[lag]
         inputs = rows @ np.concatenate(drive[::-1], axis=1).T
         states = np.zeros((blocks, n))
         for k in range(1, blocks):
             states[k] = power @ states[k - 1] + inputs[k - 1]
-        return np.asarray((rows @ within.reshape(BLOCK, -1).T + states @ np.array(out).T).ravel()[:count])
+        return np.asarray((rows @ within.reshape(BLOCK_SAMPLES, -1).T + states @ np.array(out).T).ravel()[:count])
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.applications.several.moments import lag_products, moment_covariance, stack, symmetric
 from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import EXACT, ROUGH, JointEstimate, first, resume, search
+from gmwm.applications.several.search import EXACT_TOLERANCE, ROUGH_TOLERANCE, JointEstimate, first, resume, search
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
 from gmwm.applications.several.terms import JointTerm
 from gmwm.base.arrays import Matrix, Vector
@@ -63,7 +63,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
     problem = JointProblem(terms, moments, root=from_data, design=design, d=unit.size)
     estimate = first(problem)
     weights = _Mixed.of(problem, estimate.u, estimate.sigmas)
-    accuracy = ROUGH
+    accuracy = ROUGH_TOLERANCE
     # Rounds of new weights and a new estimate: 3 to 5 are usual.
     for k in range(12):
         products = lag_products(problem.processes(weights.u), design)
@@ -71,7 +71,9 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
         # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
         # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
-        accuracy = EXACT if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT, ROUGH))
+        accuracy = (
+            EXACT_TOLERANCE if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT_TOLERANCE, ROUGH_TOLERANCE))
+        )
         estimate = search(problem) if k == 1 else resume(problem, estimate, accuracy=accuracy)
         weights = weights.after(problem, estimate, restart=k <= 1)
         if k > 1 and weights.change < 1e-4:
@@ -80,7 +82,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
     if not converged:
         problem = replace(problem, root=from_data)
         estimate = search(problem)
-    elif accuracy > EXACT:
+    elif accuracy > EXACT_TOLERANCE:
         estimate = resume(problem, estimate)
     products = lag_products(problem.processes(estimate.u), design)
     return JointSolution(problem, estimate, unit=unit, products=products, measured=measured, converged=converged)

@@ -12,7 +12,7 @@ from gmwm.applications.several.moments import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 
-SINGULAR = 1e-6
+SINGULAR_SHARE = 1e-6
 """Share of the trace below which an eigenvalue is zero. The barrier method leaves about 1e-9 (tests/joint)."""
 
 
@@ -79,7 +79,7 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
     if not cone.full[place]:
         return np.eye(rows.size)[:, (rows == columns) & (sigma[rows, columns] > 0)]
     values, vectors = np.linalg.eigh(sigma)
-    rank = 1 if single else int(np.count_nonzero(values > SINGULAR * values.sum()))
+    rank = 1 if single else int(np.count_nonzero(values > SINGULAR_SHARE * values.sum()))
     if rank == cone.d or values[-1] <= 0:
         return _whole(cone, place)
     factor = vectors[:, -rank:] * np.sqrt(values[-rank:])

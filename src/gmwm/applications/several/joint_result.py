@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.applications.several.certificate import GAP
+from gmwm.applications.several.certificate import LARGEST_GAP
 from gmwm.applications.several.fitting import JointSolution, settle
 from gmwm.applications.several.inference import (
-    SINGULAR,
+    SINGULAR_SHARE,
     Errors,
     correlation_errors,
     correlation_of,
@@ -165,7 +165,7 @@ class JointFit(Summarised, Plotted):
 
         False without a bound.
         """
-        return self.lower_bound is not None and self.lower_bound >= (1 - 2 * GAP) * self.objective
+        return self.lower_bound is not None and self.lower_bound >= (1 - 2 * LARGEST_GAP) * self.objective
 
     def _place(self, term: str) -> int:
         if term not in self.terms:
@@ -236,7 +236,7 @@ class JointFit(Summarised, Plotted):
             return np.full((d, d), np.nan), np.full((d, d), np.nan)
         sigma = self.settled.estimate.sigmas[place]
         values = np.linalg.eigvalsh(sigma)
-        singular = bool(values[0] <= SINGULAR * values.sum())
+        singular = bool(values[0] <= SINGULAR_SHARE * values.sum())
         estimate = unconstrained_matrix(self.settled, place) if singular else sigma
         scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
         r = correlation_of(estimate)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
@@ -51,7 +52,7 @@ class SharedNoise:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CrossCovariance(FrozenArrays, Summarised, Plotted):
+class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
     """Covariance and correlation of the noise of several axes at each scale.
 
     Attributes
@@ -176,7 +177,9 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted):
             "remarks": plain(self.remarks),
         }
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("first", "second", "level")
+
+    def to_polars(self) -> DataFrame:
         """Return the correlations as a Polars data frame with one row for each pair and level."""
         from polars import DataFrame, concat
 

@@ -17,10 +17,10 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.choosing.replicates.comparison import decide, level_ratios, numerators
 from gmwm.fitting.estimation.estimator import fit
 from gmwm.fitting.estimation.intervals import parameters_by_name
-from gmwm.fitting.estimation.recordings import LONGEST, Deviations, deviations
+from gmwm.fitting.estimation.recordings import LONGEST_SHAPE_STEP, Deviations, deviations
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
 from gmwm.measuring.variance.api import wavelet_variance
-from gmwm.measuring.variance.pooling import SLOWER, pool
+from gmwm.measuring.variance.pooling import SAME_RATE_DIFFERENCE, pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_confidence, as_size
 from gmwm.recording.signals import Imu, Signal
@@ -142,7 +142,7 @@ def _axes(recordings: Sequence[Any], rate: float | None) -> dict[str, list[Signa
     for axis, (first, *others) in axes.items():
         for other in others:
             rates, units = [f"{s.rate:g} Hz" for s in (first, other)], [s.unit or "none" for s in (first, other)]
-            same_rate = abs(other.rate / first.rate - 1) <= SLOWER
+            same_rate = abs(other.rate / first.rate - 1) <= SAME_RATE_DIFFERENCE
             for name, equal, values in (("rate", same_rate, rates), ("unit", other.unit == first.unit, units)):
                 if not equal:
                     raise DataError(
@@ -207,6 +207,6 @@ def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, fl
     The curve is linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf
-    if error > LONGEST or abs(step) > LONGEST:
+    if error > LONGEST_SHAPE_STEP or abs(step) > LONGEST_SHAPE_STEP:
         return None
     return (math.log(size) if scale else step), error

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.differences import Difference
 from gmwm.base.documents import plain_fields
+from gmwm.base.frames import Tabular
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.text import duration_text, table_with_rule
@@ -17,7 +18,7 @@ from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison,
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SMALLEST = 1e-300
+SMALLEST_PVALUE = 1e-300
 """Smallest p-value that is shown, so that no text states p = 0."""
 
 
@@ -82,7 +83,7 @@ class SameParameters:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SameNoise(RecordingComparison):
+class SameNoise(RecordingComparison, Tabular):
     """Result of the test whether recordings have the same noise, by axis and scale.
 
     Attributes
@@ -173,7 +174,7 @@ class SameNoise(RecordingComparison):
                         "recordings-differ", axis, case="noise",
                         percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                         more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                        p=max(smallest(rows), SMALLEST), recording=recording, other=self._other,
+                        p=max(smallest(rows), SMALLEST_PVALUE), recording=recording, other=self._other,
                     ))  # fmt: skip
         return tuple(remarks)
 
@@ -186,7 +187,7 @@ class SameNoise(RecordingComparison):
                     "recordings-differ", test.axis, case="parameters",
                     name=most.name, recording=most.recording, other=self._other,
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
-                    p=max(test.pvalue, SMALLEST),
+                    p=max(test.pvalue, SMALLEST_PVALUE),
                 )  # fmt: skip
         for test in self.parameters:
             if not test.differs:
@@ -194,7 +195,7 @@ class SameNoise(RecordingComparison):
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
-            least = max(min(other.fit_pvalue for other in rejected), SMALLEST)
+            least = max(min(other.fit_pvalue for other in rejected), SMALLEST_PVALUE)
             yield Remark.of("model-rejected", test.axis, case="same", p=least)
 
     @property
@@ -207,7 +208,7 @@ class SameNoise(RecordingComparison):
             self, "recordings axes left_out tolerance size confidence pvalue differs levels parameters remarks"
         )
 
-    def to_frame(self) -> DataFrame:
+    def to_polars(self) -> DataFrame:
         """Return the ratios as a Polars data frame with one row for each axis, compared recording and level."""
         from polars import DataFrame
 
@@ -243,4 +244,4 @@ def _cells(ratio: float, lower: float | None, upper: float | None) -> list[str]:
 
 
 def _p_cell(p: float | None) -> str:
-    return "" if p is None else f"{max(p, SMALLEST):.2g}"
+    return "" if p is None else f"{max(p, SMALLEST_PVALUE):.2g}"

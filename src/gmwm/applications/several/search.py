@@ -12,10 +12,10 @@ from gmwm.applications.several.moments import entries
 from gmwm.applications.several.problem import JointProblem, coordinates
 from gmwm.base.arrays import Matrix, Vector
 
-ROUGH = 1e-4
+ROUGH_TOLERANCE = 1e-4
 """Relative accuracy of the objective while starts are compared; it does not change any fit of
 docs/validation/joint.md."""
-EXACT = 1e-9
+EXACT_TOLERANCE = 1e-9
 """Relative accuracy of the objective of a final fit."""
 
 
@@ -32,7 +32,7 @@ class JointEstimate:
 
 def search(problem: JointProblem) -> JointEstimate:
     """Return the best local optimum from several starting values."""
-    rough = [descend(problem, u, accuracy=ROUGH) for u in _starts(problem)]
+    rough = [descend(problem, u, accuracy=ROUGH_TOLERANCE) for u in _starts(problem)]
     least = min(estimate.objective for estimate in rough)
     # If several starting values lead to the same optimum, it is refined once.
     followed: list[JointEstimate] = []
@@ -45,10 +45,10 @@ def search(problem: JointProblem) -> JointEstimate:
 
 def first(problem: JointProblem) -> JointEstimate:
     """Return a local optimum with rough accuracy, from the best starting value."""
-    return descend(problem, _starts(problem)[0], accuracy=ROUGH)
+    return descend(problem, _starts(problem)[0], accuracy=ROUGH_TOLERANCE)
 
 
-def resume(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
+def resume(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT_TOLERANCE) -> JointEstimate:
     """Return the local optimum near an estimate."""
     return polish(problem, descend(problem, estimate.u, warm=estimate.warm, accuracy=accuracy), accuracy)
 
@@ -136,7 +136,9 @@ def _supported_shapes(problem: JointProblem, place: int, grid: Vector) -> Vector
     return np.sort(grid[np.argsort(-share)[:count]])
 
 
-def descend(problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT) -> JointEstimate:
+def descend(
+    problem: JointProblem, u: Vector, *, warm: Matrix | None = None, accuracy: float = EXACT_TOLERANCE
+) -> JointEstimate:
     """Minimise the objective over the search coordinates by Newton's method, with optimal matrices at each step."""
     low, high = problem.limits
     u = np.clip(u, low, high)
@@ -194,7 +196,7 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
     return np.asarray(vectors @ ((vectors.T @ gradient) / values))
 
 
-def polish(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT) -> JointEstimate:
+def polish(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT_TOLERANCE) -> JointEstimate:
     """Return the optimum with matrices of rank one for common terms: Σ = FFᵀ, from a fit with any rank."""
     from scipy.optimize import least_squares as levenberg_marquardt
 

@@ -11,9 +11,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice, Message, Text, messages
 from gmwm.base.remarks.remark import Remark
 from gmwm.base.template import Dialect, Fact, render
-
-WIDTH = 80
-"""Largest number of columns of the text."""
+from gmwm.base.text import TEXT_WIDTH
 
 
 def examples(message: Message) -> list[Remark]:
@@ -80,10 +78,10 @@ def explanation(code: str, dialect: Dialect = Dialect.PYTHON) -> str:
     message = messages().get(code.strip("[]"))
     if message is None:
         raise OptionError(f"no message has the code {code}", advice=_similar(code))
-    lines = [f"{message.code} ({severities(message)})", *textwrap.wrap(_plain(message.meaning), WIDTH)]
+    lines = [f"{message.code} ({severities(message)})", *textwrap.wrap(_plain(message.meaning), TEXT_WIDTH)]
     for remark in cases(message):
         sentence, advice = sentence_and_advice(remark, dialect)
-        lines += ["", *textwrap.wrap(f"“{sentence}”", WIDTH), *_indented(advice)]
+        lines += ["", *textwrap.wrap(f"“{sentence}”", TEXT_WIDTH), *_indented(advice)]
     return "\n".join(lines)
 
 
@@ -113,4 +111,4 @@ def _plain(markdown: str) -> str:
 
 
 def _indented(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+    return textwrap.wrap(text, TEXT_WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)

@@ -11,6 +11,7 @@ import numpy as np
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
+from gmwm.choosing.datasheets.at_conditions import numbers_at
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
     Use,
@@ -29,11 +30,11 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Physical
 
-__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "with_limits"]
+__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "numbers_at", "with_limits"]
 
 FILTER = ("N", "K")
 """Symbols of the numbers of a filter, which come first in a datasheet."""
-ALIKE = 0.05
+SAME_NUMBER_DIFFERENCE = 0.05
 """Largest relative difference between a number of a filter and the same number of a term of the model for which the
 datasheet does not repeat the number of the term. Pinned by tests/test_datasheet.py."""
 
@@ -152,7 +153,7 @@ def _repeats(entry: Entry, sheet: Datasheet) -> bool:
     if not of or symbol not in FILTER:
         return False
     of_filter = sheet[symbol].value
-    return abs(entry.value - of_filter) <= ALIKE * of_filter
+    return abs(entry.value - of_filter) <= SAME_NUMBER_DIFFERENCE * of_filter
 
 
 def model_datasheet(fit: Fit, level: float) -> Datasheet:
@@ -167,7 +168,9 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         remarks.append(Remark.of("no-intervals", axis, reason=error.reason))
     judged = _Judged(fit, intervals, NormalDist().inv_cdf((1 + level) / 2))
     entries = list(filter_entries(fit, Use(), level).values())
-    changes = {symbol: change for symbol, change in changes_by_curve(fit).items() if change > 1 + ALIKE}
+    changes = {
+        symbol: change for symbol, change in changes_by_curve(fit).items() if change > 1 + SAME_NUMBER_DIFFERENCE
+    }
     if changes:
         remarks.append(Remark.of("numbers-from-curve", axis, numbers=tuple(changes), factor=max(changes.values())))
     for term, process in zip(model.terms, model.processes, strict=True):
@@ -267,7 +270,7 @@ def _as_bias(entry: Entry) -> Entry:
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:
-    wv = fit.wavelet_variance
+    wv = fit.wavelet_variance.without_lags
     unit, factor = noise_unit(0.0, wv.unit)
     # The Allan variance is twice the Haar wavelet variance, whichever filter the fit uses.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve
+from gmwm.choosing.datasheets.curve import UNBOUNDED_HALF_WIDTH, FitCurve
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.measured_limit import allan_limit
 from gmwm.fitting.estimation.result import Fit
@@ -43,7 +43,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used. No upper end
     exceeds the largest upper confidence limit of the measured σ near the minimum of its curve.
     """
-    wv = fit.wavelet_variance
+    wv = fit.wavelet_variance.without_lags
     noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
     lines = tuple(process for process in fit.model.processes if process.oscillation() is not None)
     if not noises:
@@ -70,7 +70,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
         return entry, remark
-    reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, ENDLESS))
+    reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, UNBOUNDED_HALF_WIDTH))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = fit.model.allan_variance(np.left_shift(1, wv.levels - 1), wv.rate) / fit.model.wavelet_variance(
             wv.levels, wv.rate, wv.filter

@@ -43,7 +43,7 @@ class BiasTerms:
         processes = tuple((p, is_slow(p, rate)) for p in fit.model.processes if p.scale > 0)
         known = {id(p): slow for p, slow in processes}
         moving = (known[id(p)] if id(p) in known else is_slow(p, rate) for p, _ in curve.moving)
-        return cls(processes, curve, tuple(moving), fit.wavelet_variance)
+        return cls(processes, curve, tuple(moving), fit.wavelet_variance.without_lags)
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
         """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For

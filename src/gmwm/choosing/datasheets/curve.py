@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.estimation.intervals import free_shape
-from gmwm.fitting.estimation.linearised import COLLINEAR, columns_of, relative_jacobian
+from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE, columns_of, relative_jacobian
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import square_root
 from gmwm.measuring.covariance import Design
@@ -21,7 +21,7 @@ T = TypeVar("T", float, Vector)
 
 _STEP = 0.01
 """Relative step of the differences of order 6 that approximate derivatives, with an error of about _STEP⁶ = 1e-12."""
-ENDLESS = 300.0
+UNBOUNDED_HALF_WIDTH = 300.0
 """Largest half width of an interval on a logarithmic scale, because e^300 is near the limit of double precision."""
 
 
@@ -54,7 +54,7 @@ class FitCurve:
         length = np.linalg.norm(weighted, axis=0)
         length[length == 0] = 1.0
         # The pseudoinverse leaves out directions in which the wavelet variance does not change.
-        gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR) / length[:, None]) @ root
+        gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR_SINGULAR_VALUE) / length[:, None]) @ root
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import ENDLESS, FitCurve, sensitivity
+from gmwm.choosing.datasheets.curve import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
@@ -22,7 +22,7 @@ from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 
-HORIZON = 1.0
+DEFAULT_HORIZON_S = 1.0
 """Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
 random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
 8 % worse than with the best K (docs/validation/filter.md)."""
@@ -38,7 +38,7 @@ class Use:
     """Properties of the filter or simulator that uses the two numbers: the horizon (s) over which it predicts, and the
     name of its own parameter for flicker noise, so that the two numbers must not include it."""
 
-    horizon: float = HORIZON
+    horizon: float = DEFAULT_HORIZON_S
     flicker: str = ""
 
     def contains(self, process: Process, rate: float) -> bool:
@@ -49,7 +49,7 @@ class Use:
         return not slow and not (self.flicker and is_flicker(process, rate))
 
 
-def effective_noise(fit: Fit, horizon: float = HORIZON, level: float = 0.95) -> dict[str, Entry]:
+def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float = 0.95) -> dict[str, Entry]:
     """Compute the white noise N and the random walk K with which a filter predicts the noise of a fit best.
 
     The filter predicts the mean of the noise over the next T seconds. N and K make the error of the prediction as small
@@ -151,7 +151,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         elif value > 0:
             reach = errors[symbol]
             upper_only = z * min(reach.scales, reach.all) >= 1
-            by = math.exp(min(0.5 * z * reach.all, ENDLESS))
+            by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
             low, high = min(value, of_model) / by, max(value, of_model) * by
             if upper_only:
                 low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)

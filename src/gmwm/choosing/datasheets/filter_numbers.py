@@ -15,7 +15,7 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-SLOWEST = 1e10
+SLOWEST_FILTER_SAMPLES = 1e10
 """Default of the longest time constant 1/w of a filter, in samples."""
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
@@ -41,7 +41,7 @@ def samples_in(time: float, rate: float) -> int:
 
 def filter_numbers(
     processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: Spectrum | None = None,
-    slowest: float = SLOWEST,
+    slowest: float = SLOWEST_FILTER_SAMPLES,
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
@@ -75,7 +75,7 @@ def filter_numbers(
     )  # fmt: skip
 
 
-def best_gain(prediction: Forecast, slowest: float = SLOWEST) -> FilterGain:
+def best_gain(prediction: Forecast, slowest: float = SLOWEST_FILTER_SAMPLES) -> FilterGain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
     from scipy.optimize import brentq
 

@@ -50,7 +50,7 @@ def _widened(fit: Fit, kind: type[Process]) -> Fit:
     return fit_quietly(fit.model + kind(), fit.wavelet_variance, weighting, certify=False)
 
 
-WIDEST = 10.0
+WIDEST_INTERVAL = 10.0
 """Largest ratio of the ends of an interval. A wider interval is a limit, or the number is not determined. Pinned by
 tests/test_plausible.py."""
 
@@ -59,8 +59,8 @@ def plausible(entry: Entry, rate: float, samples: int, resonance: float | None =
     """Return a number whose interval lies in the range that a recording can show, and is not too wide. A frequency is
     between 0 and half the sampling rate, a correlation time between one sample and the length of the recording, and the
     quality factor of a resonance at most its frequency (`resonance`, Hz) times this length. If the ends of an interval
-    then differ by more than a factor of `WIDEST`, the strength of a noise becomes an upper limit, and a time, a
-    frequency or a quality factor is not determined."""
+    then differ by more than a factor of `WIDEST_INTERVAL`, the strength of a noise becomes an upper limit, and a time,
+    a frequency or a quality factor is not determined."""
     if entry.held or entry.low is None or entry.high is None or entry.upper_only or entry.value <= 0:
         return entry
     duration = samples / rate
@@ -71,7 +71,7 @@ def plausible(entry: Entry, rate: float, samples: int, resonance: float | None =
     }
     least, most = ranges.get(entry.unit, (0.0, math.inf))
     low, high = max(entry.low, least), min(entry.high, most)
-    if low <= high <= WIDEST * low and least <= entry.value <= most:
+    if low <= high <= WIDEST_INTERVAL * low and least <= entry.value <= most:
         return replace(entry, low=low, high=high)
     if entry.unit in ranges:
         return replace(entry, low=0.0, high=math.inf, upper_only=True)
@@ -82,15 +82,15 @@ def measurable(entry: Entry, fit: Fit) -> Entry:
     """Return an upper limit of the strength of a noise that is at most what the measured wavelet variance allows. The
     limit of a noise is reached where the noise alone reaches the upper confidence limits of the measured variance. N
     and K of a filter differ from the white noise and the random walk of a model, so their limit stays if it is within a
-    factor of `WIDEST` of the value. A limit without a bound stays infinite."""
-    wv = fit.wavelet_variance
+    factor of `WIDEST_INTERVAL` of the value. A limit without a bound stays infinite."""
+    wv = fit.wavelet_variance.without_lags
     if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
         return entry
     terms = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     if entry.term is None and entry.symbol in _KINDS:
         kind = _KINDS[entry.symbol]
         process = kind().with_values(**{kind.parameters[0].name: 1.0})
-        least = WIDEST * entry.value if entry.value < entry.high else 0.0
+        least = WIDEST_INTERVAL * entry.value if entry.value < entry.high else 0.0
     elif entry.term in terms:
         process, least = at_some_strength(terms[entry.term]), entry.value
     else:

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.fitting.estimation.result import Fit
 
-SIGMAS = 3.0
+MISFIT_ERRORS = 3.0
 """Number of standard errors between model and measurement from which the measurement is used. In a fit of the true
 model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effective_noise.py."""
 
@@ -40,8 +40,9 @@ class CurveRatio:
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
     """Return the factor from the density of a model to the measured one; None if it is 1. It is the ratio of both
-    variances, without the sinusoids, at levels that differ by more than `SIGMAS` standard errors, and 1 at the
+    variances, without the sinusoids, at levels that differ by more than `MISFIT_ERRORS` standard errors, and 1 at the
     others."""
+    fit = fit.without_lags
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
     for process in fit.model.processes:
@@ -53,7 +54,7 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     error = np.abs(limit - measured) / NormalDist().inv_cdf((1 + wv.confidence) / 2)
     if np.any(lines > 0):  # the power of an oscillation varies more than that of broad noise with the same variance
         error = np.maximum(error, np.sqrt(np.diag(fit.sandwich.sampling.wavelet)[usable]))
-    outside = np.abs(implied - measured) > SIGMAS * error
+    outside = np.abs(implied - measured) > MISFIT_ERRORS * error
     if not np.any(outside):
         return None
     noise = np.log((wv.variance - lines)[usable] / (fit.implied - lines)[usable])

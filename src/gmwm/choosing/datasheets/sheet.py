@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.frames import Tabular
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import align
 from gmwm.choosing.datasheets.entry import Entry, significant
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Datasheet(FrozenArrays, Mapping[str, Entry]):
+class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
     """Datasheet numbers of one axis: a mapping of symbol to `Entry`. The numbers are in SI units and can be converted.
 
     Attributes
@@ -101,7 +102,9 @@ class Datasheet(FrozenArrays, Mapping[str, Entry]):
             )  # fmt: skip
         return rows
 
-    def to_frame(self, units: str = "datasheet") -> DataFrame:
+    coordinates = ("symbol",)
+
+    def to_polars(self, units: str = "datasheet") -> DataFrame:
         """Return the rows of `table` as a Polars data frame.
 
         Parameters

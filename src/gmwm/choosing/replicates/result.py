@@ -15,7 +15,7 @@ from gmwm.base.differences import Difference
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.random_effects import prediction_limits
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.text import list_text, p_relation, round_text, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, list_text, p_relation, round_text, table_with_rule
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.replicates.comparison import LevelRatio, RecordingComparison, decide, smallest
@@ -25,8 +25,6 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.model import Model
 
-WIDTH = 80
-"""Largest number of characters in a line of the summary."""
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
 MAIN = ("N", "B", "K", "Q")
@@ -216,13 +214,13 @@ class Replicates(RecordingComparison):
 
     def summary(self) -> str:
         """Format the remarks, the parameters of each recording with their spread, and the tests."""
-        lines = [line for text in texts(self.remarks) for line in wrap(text, WIDTH)]
+        lines = [line for text in texts(self.remarks) for line in wrap(text, TEXT_WIDTH)]
         if self.numbers:
             lines += ["", *table_with_rule(self.table())]
         lines += ["", *wrap(
             "spread: standard deviation between recordings without estimation errors, with 95 % limits. Test of equal "
             f"parameters: p {p_relation(self.parameter_pvalue)}; of equal curves, without a model: "
-            f"p {p_relation(self.model_free_pvalue)}.", WIDTH,
+            f"p {p_relation(self.model_free_pvalue)}.", TEXT_WIDTH,
         )]  # fmt: skip
         return "\n".join(lines)
 

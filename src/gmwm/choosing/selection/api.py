@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
-from gmwm.choosing.selection.equivalence import SURELY, as_good, difference_error
-from gmwm.choosing.selection.ranking import DRAWS, SAME, Candidate, Ranking, RankingOptions, Weights
+from gmwm.choosing.selection.equivalence import REJECTED_DIFFERENCE, as_good, difference_error
+from gmwm.choosing.selection.ranking import EQUAL_CRITERIA, Candidate, Ranking, RankingOptions, Weights
 from gmwm.choosing.selection.structure import (
     freedom,
     nested_models,
@@ -23,6 +23,7 @@ from gmwm.choosing.selection.structure import (
     without_drift,
     without_values,
 )
+from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.fitting.estimation.estimator import measure
 from gmwm.fitting.estimation.intervals import Method
@@ -151,7 +152,7 @@ def select(
             general, x, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
         )
 
-    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+    if (signals := signals_of(data)) is not None:
         return ResultsByAxis(results={axis: search(x) for axis, x in signals.items()})
     return search(data)
 
@@ -243,7 +244,7 @@ def rank(
             candidates, measure(x, rate, robust, efficiency, against=against), options, progress=progress
         )
 
-    if isinstance(data, Imu | np.ndarray) and (signals := signals_of(data)) is not None:
+    if (signals := signals_of(data)) is not None:
         return ResultsByAxis(results={axis: ranked(x) for axis, x in signals.items()})
     return ranked(data)
 
@@ -322,7 +323,7 @@ def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
     level: dict[str, float] = {}
     least = -np.inf
     for c in sorted(candidates, key=_score):
-        if not _score(c) - least <= SAME * abs(_score(c)):
+        if not _score(c) - least <= EQUAL_CRITERIA * abs(_score(c)):
             least = _score(c)
         level[c.structure] = least
     return level
@@ -391,7 +392,7 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
     return name
 
 
-def _complexity(candidate: Candidate) -> int:
+def complexity(candidate: Candidate) -> int:
     """Return the number of parameters, plus 2 for each term like flicker noise, whose one parameter gives a curve like
     several Gauss-Markov processes and would often replace a single one in short recordings."""
     return candidate.parameters + 2 * sum(
@@ -417,13 +418,13 @@ def _equivalent(
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)
-    for candidate in sorted(distinct, key=lambda c: (_complexity(c), level[c.structure])):
+    for candidate in sorted(distinct, key=lambda c: (complexity(c), level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue
         if level[candidate.structure] != level[best.structure]:
             difference = candidate.wic.value - best.wic.value
-            if difference > SURELY:
+            if difference > REJECTED_DIFFERENCE:
                 continue
             # A model with a clearly larger criterion is not equivalent, even if it is simpler.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.weights, explored.wavelet):

@@ -22,7 +22,7 @@ from gmwm.measuring.variance.pooling import without
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
-EVERY = 8
+GRID_STRIDE = 8
 """Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
 docs/validation/selection.md)."""
 
@@ -202,7 +202,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     if problem.curved_class is not None:
         rows.append(
             grid(problem.curved_class, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[
-                ::EVERY
+                ::GRID_STRIDE
             ]
         )
     return np.concatenate(rows), len(problem.shapes)
@@ -216,6 +216,6 @@ def _ways(general: Fit, problem: Problem) -> list[Matrix]:
         if not moving or type(process) is problem.curved_class or process.scale == 0:
             continue
         at = process.nonlinear.reshape(1, -1)
-        slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
-        rows += [process.shape(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
+        slopes = process.moments_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
+        rows += [process.moments(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
     return rows

@@ -14,6 +14,7 @@ account that the smallest of many criteria is chosen.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +28,7 @@ from gmwm.choosing.selection.candidate_fits import Explored
 from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.choosing.selection.structure import without_values
 from gmwm.fitting.estimation.criterion import optimism
-from gmwm.fitting.estimation.linearised import COLLINEAR, slopes_of
+from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE, slopes_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import WeightedSolution, drawn_covariance
@@ -35,11 +36,11 @@ from gmwm.fitting.estimation.solver import solve
 from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
-SURELY = 100.0
+REJECTED_DIFFERENCE = 100.0
 """A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
 one by more than this."""
 
-DEGREE = 72
+QUANTILE_DEGREE = 72
 """Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
 (tests/selection/test_equivalence.py)."""
 
@@ -163,13 +164,14 @@ class Hypothesis:
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
-    def several(self, records: NDArray[np.int64]) -> Vector:
-        """Return an upper bound for the decrease of the criterion by two or more parameters in simulated recordings."""
+    def several(self, records: NDArray[np.int64]) -> Iterator[float]:
+        """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
-        best = [_core.nonnegative_least_squares(centre + error, columns)[1] for error in self.errors[records]]
-        return np.asarray(self.losses[records] - np.array(best) - self.least)
+        for record in records:
+            best = _core.nonnegative_least_squares(centre + self.errors[record], columns)[1]
+            yield float(self.losses[record] - best - self.least)
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
@@ -202,8 +204,15 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
     open_ones = np.flatnonzero((single < difference) & (most >= difference))
-    several = hypothesis.several(open_ones)
-    return bool(np.count_nonzero(single >= difference) + np.count_nonzero(several >= difference) > size * single.size)
+    # The recordings with the largest bounds are first, so that most answers need few of them.
+    records = open_ones[np.argsort(-most[open_ones])]
+    more, left = size * single.size - np.count_nonzero(single >= difference), records.size
+    for several in hypothesis.several(records):
+        more -= several >= difference
+        left -= 1
+        if more < 0 or left <= more:
+            break
+    return bool(more < 0)
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
@@ -216,15 +225,15 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
-    degree `DEGREE`."""
+    degree `QUANTILE_DEGREE`."""
     from scipy.special import chdtri, ndtr
 
     reach = float(np.abs(scores).max(initial=0.0))
-    if len(scores) <= DEGREE or reach == 0:
+    if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(chdtri(freedom, ndtr(-scores)) / freedom)
-    angle = (np.arange(DEGREE + 1) + 0.5) * np.pi / (DEGREE + 1)
+    angle = (np.arange(QUANTILE_DEGREE + 1) + 0.5) * np.pi / (QUANTILE_DEGREE + 1)
     values = chdtri(freedom, ndtr(-reach * np.cos(angle[:, None]))) / freedom
-    terms = 2 / (DEGREE + 1) * np.cos(np.outer(np.arange(DEGREE + 1), angle)) @ values
+    terms = 2 / (QUANTILE_DEGREE + 1) * np.cos(np.outer(np.arange(QUANTILE_DEGREE + 1), angle)) @ values
     terms[0] /= 2
     return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))
 
@@ -243,7 +252,7 @@ def axes_of(fit: Fit, root: Matrix) -> Matrix:
     if not np.any(length > 0):
         return np.empty((root.shape[0], 0))
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
-    return np.asarray(axes[:, strength > COLLINEAR * strength[0]])
+    return np.asarray(axes[:, strength > COLLINEAR_SINGULAR_VALUE * strength[0]])
 
 
 def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:

@@ -14,10 +14,12 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError, OptionError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import Summarised, align, counted, p_text
 from gmwm.choosing.selection.structure import structure_of
+from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence, as_whole_number, one_of
@@ -29,12 +31,12 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.intervals import Method
 
 
-SAME = 1e-6
+EQUAL_CRITERIA = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
-REJECTED = 0.01
+REJECTED_PVALUE = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
 `recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
-LISTED = 10
+MOST_CANDIDATES_LISTED = 10
 """Default number of candidates in a table."""
 
 
@@ -64,7 +66,8 @@ class Candidate:
         Whether the model is as good as the best one within the uncertainty of the criterion, and contains no smaller
         model that is.
     recommended : bool
-        Whether the model is the simplest of the equivalent models.
+        Whether the model is the simplest of the equivalent models. In a calibration, a model whose form the axes of the
+        sensor share replaces it; this model also counts as equivalent.
     same_as : str or None
         Structure of the smaller model with the same fit, if some estimates are zero or at an end of their domain;
         otherwise None.
@@ -116,7 +119,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Ranking(Plotted):
+class Ranking(Plotted, Tabular):
     """Candidate models sorted by the criterion, the best first.
 
     `ranking[0]` is the best candidate, `ranking["GM + WN"]` is the candidate with this model, and a loop visits all
@@ -153,7 +156,7 @@ class Ranking(Plotted):
 
     @property
     def recommended(self) -> Candidate:
-        """The simplest of the equivalent candidates."""
+        """The recommended candidate, see `Candidate`."""
         return next(candidate for candidate in self.candidates if candidate.recommended)
 
     @property
@@ -206,7 +209,7 @@ class Ranking(Plotted):
             "remarks": [remark.to_dict() for remark in self.remarks],
         }  # fmt: skip
 
-    def to_frame(self) -> DataFrame:
+    def to_polars(self) -> DataFrame:
         """Return the candidates as a Polars data frame with one row for each model, the best first."""
         from polars import DataFrame
 
@@ -220,13 +223,13 @@ class Ranking(Plotted):
         ]  # fmt: skip
         return DataFrame(rows, infer_schema_length=None)
 
-    def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
+    def table(self, limit: int | None = MOST_CANDIDATES_LISTED) -> tuple[list[str], list[list[str]]]:
         """Return the header and the rows of the table. It contains the first `limit` distinct candidates and all
         equivalent ones."""
         several = self.best.out_of_sample is not None
         head = [
             "", "model", "WIC", "loss", "out of sample" if several else "optimism", "difference", "p",
-            "zero or at an end",
+            "superfluous terms",
         ]  # fmt: skip
         shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
         rows = []
@@ -235,7 +238,9 @@ class Ranking(Plotted):
             part = c.wic.optimism if c.out_of_sample is None else c.out_of_sample
             numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
             p = "-" if c.pvalue is None else p_text(c.pvalue)
-            ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
+            ends = (
+                ", ".join(c.boundary).replace(" as ", " like ") if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
+            )
             rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
         return head, rows
 
@@ -251,17 +256,17 @@ class Ranking(Plotted):
             yield Remark.of("recommended", axis, case="equal", models=others)
         if chosen is not self.best and not self.best.equivalent:
             yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best))
-        if chosen.pvalue is not None and chosen.pvalue < REJECTED:
+        if chosen.pvalue is not None and chosen.pvalue < REJECTED_PVALUE:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
             yield Remark.of("recommended", axis, case="reduced", count=reduced)
 
-    def summary(self, limit: int | None = LISTED) -> str:
+    def summary(self, limit: int | None = MOST_CANDIDATES_LISTED) -> str:
         """Write the table of the first `limit` candidates, and the remarks."""
         wv = self.best.fit.wavelet_variance
         lines = [
             f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
-            f"{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
+            f"{wv.extent}, {wv.levels_text}, weighting {self.weighting}",
             "",
         ]
         head, rows = self.table(limit)
@@ -339,7 +344,7 @@ class Comparison(Summarised, Plotted):
         """Remark that states which model has the smaller criterion, and whether the difference may be due to chance."""
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
-        if size <= SAME * abs(self.first.wic.value):
+        if size <= EQUAL_CRITERIA * abs(self.first.wic.value):
             return Remark.of("criteria-differ", case="equal", first=self.first.structure, second=self.second.structure)
         return Remark.of(
             "criteria-differ", case="differ", better=better.structure, worse=worse.structure, least=better.wic.value,
@@ -362,8 +367,6 @@ def _short(number: float) -> str:
 Weights = Literal["optimal", "diagonal"]
 SLOW = "4*GM + WN + QN + FN + RW + DR"
 """General model whose submodels a search ranks first (docs/validation/selection.md)."""
-DRAWS = 500
-"""Default number of simulated recordings."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,9 +11,20 @@ from gmwm.base.documents import Documented
 from gmwm.base.text import p_relation
 
 Entry = Literal[
-    "within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines", "oscillation"
+    "within",
+    "model",
+    "slow",
+    "lines",
+    "shape",
+    "filter",
+    "nothing-shown",
+    "without-absent-lines",
+    "oscillation",
+    "sensor",
 ]
-Exit = Literal["accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last"]
+Exit = Literal[
+    "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last", "shared"
+]
 ENTRY_TEXTS: Mapping[Entry, str] = {
     "within": "largest model of the user",
     "model": "model of the user",
@@ -24,6 +35,7 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "nothing-shown": "slow processes, because the data show no further term",
     "without-absent-lines": "without the lines whose power is estimated as zero",
     "oscillation": "with a slow oscillation that is fitted to the wavelet variance",
+    "sensor": "one form of slow noise for the axes of the sensor",
 }
 EXIT_TEXTS: Mapping[Exit, str] = {
     "accepted": "The test accepts {model}{p}.",
@@ -33,6 +45,7 @@ EXIT_TEXTS: Mapping[Exit, str] = {
     "lines-absent": "In {model}, the power of a line is estimated as zero.",
     "model-error": "The test rejects all its models{bound}, but {model} with a model error of {error:.2g} % fits{p}.",
     "last": "The test rejects {model}{p}, but there is no further family.",
+    "shared": "{model}{p} has the form that most axes of the sensor accept, and that does not increase their criteria.",
 }
 
 
@@ -46,8 +59,8 @@ class SearchStep(Documented):
         The largest model of the family. All models made of some of its terms belong to the family.
     entered : str
         Why the family was tried: "within" and "model" (given by the user), "slow" (the first family of a search),
-        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", "without-absent-lines", or
-        "oscillation" (fitted to the wavelet variance).
+        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", "without-absent-lines", "oscillation"
+        (fitted to the wavelet variance), or "sensor" (the form that the axes of the sensor share).
     bound : float or None
         Upper bound of the p-value of the goodness-of-fit test of any model of the family.
     recommended : str or None
@@ -58,8 +71,8 @@ class SearchStep(Documented):
         Relative model error that is included in the comparison.
     left : str
         Why the search went on or ended: "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", or
-        "model-error" (all rejected, so the result includes a model error), or "last" (rejected, but there is no further
-        family).
+        "model-error" (all rejected, so the result includes a model error), "last" (rejected, but there is no further
+        family), or "shared" (the axes of the sensor share the form of the model).
     used : bool
         Whether the result of the search is from this family.
     """

@@ -27,18 +27,18 @@ Discrete flicker noise is fractionally integrated white noise of order 1/2 (Kasd
 π/sin(πf) per sample instead of 1/f. Continuous flicker noise is averaged over each sampling interval
 (tests/selection/test_shape_error.py)."""
 
-SPREAD = 0.75
+FLICKER_SPREAD = 0.75
 """Standard deviation of the unknown difference of the sampled noise from continuous flicker noise, relative to
 `SAMPLED`. The difference is 0 for noise that is averaged over each sampling interval, 0.45 for a density of 1/f up to
 half the sampling rate, and 1 for discrete flicker noise."""
 BAND = ("f_b", "f_r", "Q_r")
 """Symbols of the physical parameters of a shape that do not depend on its scale."""
-CHOSEN = 2.0
+SELECTION_FACTOR = 2.0
 """Factor by which the covariance of a shape is increased, because the order of the shape was selected with the same
 spectrum. With a factor of 1.5, 95 % intervals of N contain the true value in 89 % of recordings with an FIR filter
 (docs/validation/sensors.md)."""
 
-FILTERED = 3.0
+FILTER_TIME_SAMPLES = 3.0
 """A Gauss-Markov term with a correlation time up to this value (samples) is assumed to describe the low-pass filter of
 the sensor. Because a filter does not have exactly this form, N is then wrong by 0.5 % although the test accepts the
 model (docs/validation/sensors.md)."""
@@ -59,7 +59,7 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
 def acts_as_filter(process: Process, fit: Fit) -> bool:
     """Return whether a Gauss-Markov process is so fast that it may describe the low-pass filter of the sensor."""
     time = process.correlation_time(fit.wavelet_variance.rate)
-    return time is not None and 0 < time * fit.wavelet_variance.rate <= FILTERED
+    return time is not None and 0 < time * fit.wavelet_variance.rate <= FILTER_TIME_SAMPLES
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
@@ -86,7 +86,7 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
         if type(part) is type(process) or acts_as_filter(part, fit)
     ]
     share = np.sum(fast, axis=0) / fit.implied
-    return _with(wv, CHOSEN * relative * np.outer(share, share))
+    return _with(wv, SELECTION_FACTOR * relative * np.outer(share, share))
 
 
 def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
@@ -116,7 +116,7 @@ def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process
             )
             / fit.implied
         )
-        wv = _with(wv, CHOSEN * relative * np.outer(share, share))
+        wv = _with(wv, SELECTION_FACTOR * relative * np.outer(share, share))
     return wv
 
 
@@ -161,7 +161,7 @@ def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv
     places = np.minimum(wv.levels, len(SAMPLED) + 1) - 1
-    apart = SPREAD * np.append(SAMPLED, 0.0)[places]
+    apart = FLICKER_SPREAD * np.append(SAMPLED, 0.0)[places]
     apart *= sum(fit.decomposition[term] for term in flicker) / fit.implied
     return _with(wv, np.outer(apart, apart))
 

@@ -16,10 +16,14 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.drift import DR
+from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.ordered import find_class
+from gmwm.theory.processes.oscillator import OSC
+from gmwm.theory.processes.sinusoid import SIN
 
-FELT = 0.1
+LEAST_DRIFT_SHARE = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
 show it (tests/selection/test_decisions.py)."""
 
@@ -54,7 +58,7 @@ def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Mode
 def _is_felt(rise: float, wv: WaveletVariance) -> bool:
     """Return whether this slope is a visible part of the wavelet variance at the longest scale."""
     felt = DR(omega=rise).wavelet_variance(wv.levels[-1:], wv.rate, wv.filter)
-    return bool(felt[0] >= FELT * wv.variance[-1])
+    return bool(felt[0] >= LEAST_DRIFT_SHARE * wv.variance[-1])
 
 
 def nested_models(general: Model) -> list[Model]:
@@ -111,6 +115,16 @@ def structure_of(model: Model) -> Counter[str]:
         model.__dict__["_structure"] = names_of(model.processes)
     structure: Counter[str] = model.__dict__["_structure"]
     return structure
+
+
+def slow_terms(model: Model) -> tuple[str, ...]:
+    """Return the sorted names of all terms except white, quantization and short-memory noise, and oscillations.
+
+    >>> slow_terms(Model.parse("WN + RW + GM + SIN"))
+    ('GM', 'RW')
+    """
+    fast = (WN, QN, SIN, OSC, Lagged)
+    return tuple(sorted(process.name for process in model.processes if not isinstance(process, fast)))
 
 
 def names_of(processes: Iterable[Process]) -> Counter[str]:

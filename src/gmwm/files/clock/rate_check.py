@@ -10,19 +10,29 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity
 
-# The thresholds separate the simulated clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
-# with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
 
-_BLOCK = 64  # smallest number of intervals in a block, over which the jitter of single time stamps averages out
-_BLOCKS = 64  # largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording.
-_BLOCKS_COMPARED = 3  # blocks that are compared on each side of a change. A gap or a pause affects only one of them.
-_BLOCKS_COMPARED_BURSTS = 8  # the same for samples in bursts, whose mean interval varies more from block to block
-CHANGED = 1.05
-"""Smallest ratio of two rates that is a change. Oscillators drift by less, settings of a sensor differ by more."""
-CHANGED_BURSTS = 1.2  # the same ratio if samples come in bursts, because a block can contain one burst more or less
-_OUT_OF_ORDER = (
-    8.0  # intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back
-)
+@dataclass(frozen=True)
+class RateComparison:
+    """Limits at which a recording has two rates, or time stamps out of order (test_steady.py, test_timebase.py)."""
+
+    block: int = 64
+    """Smallest number of intervals in a block, over which the jitter of single time stamps averages out."""
+    most_blocks: int = 64
+    """Largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording."""
+    blocks_compared: int = 3
+    """Blocks that are compared on each side of a change. A gap or a pause affects only one of them."""
+    blocks_compared_bursts: int = 8
+    """The same for samples in bursts, whose mean interval varies more from block to block."""
+    changed: float = 1.05
+    """Smallest ratio of two rates that is a change. Oscillators drift by less, settings of a sensor differ by more."""
+    changed_bursts: float = 1.2
+    """The same ratio if samples come in bursts, because a block can contain one burst more or less."""
+    out_of_order: float = 8.0
+    """Intervals by which a time stamp may be earlier than the previous one; beyond, the clock was set back."""
+
+
+COMPARISON = RateComparison()
+
 _FEW_OUT_OF_ORDER, _SHARE_OUT_OF_ORDER = 2, 1e-3
 """Number of time stamps out of order that is accepted in any recording, and share that is accepted in a long one."""
 _RESETS, _RESET_SHARE = 8, 1e-2  # the same for backward steps of the clock, at each of which the recording is split
@@ -41,7 +51,7 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     """Require that time stamps are in order, except for a few. `row` rows are before the first one, `origin`."""
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
-    near = int(np.count_nonzero(steps[back] > -_OUT_OF_ORDER * nominal))
+    near = int(np.count_nonzero(steps[back] > -COMPARISON.out_of_order * nominal))
     if near <= max(_FEW_OUT_OF_ORDER, _SHARE_OUT_OF_ORDER * ticks.size) and back.size <= max(
         _RESETS, _RESET_SHARE * ticks.size
     ):
@@ -86,8 +96,12 @@ def rate_change(ticks: Vector) -> Change | None:
     """
     steps = np.diff(ticks)
     burst = _burst(steps)
-    width, factor = (_BLOCKS_COMPARED, CHANGED) if burst == 1 else (_BLOCKS_COMPARED_BURSTS, CHANGED_BURSTS)
-    length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
+    width, factor = (
+        (COMPARISON.blocks_compared, COMPARISON.changed)
+        if burst == 1
+        else (COMPARISON.blocks_compared_bursts, COMPARISON.changed_bursts)
+    )
+    length = max(steps.size // COMPARISON.most_blocks, COMPARISON.block, 8 * burst)
     count = steps.size // length
     if count < 2 * width:
         return None
@@ -129,7 +143,7 @@ class _Sides:
     def agrees(self, other: _Sides) -> bool:
         """Return whether two changes have about the same factor."""
         mine, theirs = np.log(self.after / self.before), np.log(other.after / other.before)
-        return bool(abs(mine) > np.log(CHANGED) and abs(mine - theirs) < np.log(CHANGED_BURSTS))
+        return bool(abs(mine) > np.log(COMPARISON.changed) and abs(mine - theirs) < np.log(COMPARISON.changed_bursts))
 
 
 def _burst(steps: Vector) -> int:

@@ -14,7 +14,7 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
-from gmwm.files.clock.rate_check import CHANGED, CHANGED_BURSTS, require_one_rate, require_order
+from gmwm.files.clock.rate_check import COMPARISON, require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
 from gmwm.files.clock.stamp_order import in_order, without_steps_back
 from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 # Pinned by tests/readers/test_growing.py.
 
-KEPT = 4096
+STAMPS_AGAIN = 4096
 """Number of time stamps before a block that are analysed again with it, so that both sides of each gap are used."""
 _ROWS_BEHIND = 128  # later rows that decide whether a row begins a segment. Late deliveries end within these rows.
 
@@ -99,7 +99,7 @@ class Pace:
     @property
     def behind(self) -> int:
         """Number of later rows that are needed to decide whether a row begins a segment."""
-        return min(_ROWS_BEHIND + 4 * self.width, KEPT)
+        return min(_ROWS_BEHIND + 4 * self.width, STAMPS_AGAIN)
 
     def ticks(self, values: NDArray[Any]) -> Vector:
         """Convert time stamps of the file to ticks from the first time stamp."""
@@ -147,7 +147,8 @@ class RunningClock:
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
-        return self._settle(max(self._stop, self.rows - self.pace.behind))
+        stop = self.rows - self.pace.behind
+        return self._settle(stop) if stop > self._stop else KnownSegments(self._stop, (), ())
 
     def end(self) -> KnownSegments:
         """Return the segments of the last rows, at the end of the stream."""
@@ -193,7 +194,7 @@ class RunningClock:
             return
         last = self._without_steps_back(self._window)[0]
         change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
-        allowed = CHANGED if pace.width == 1 else CHANGED_BURSTS
+        allowed = COMPARISON.changed if pace.width == 1 else COMPARISON.changed_bursts
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "
@@ -227,7 +228,7 @@ class RunningClock:
         if self._stop == 0 < stop:
             firsts, starts = [0, *firsts], [pace.time(0.0), *starts]
         self._stop = stop
-        dropped = max(0, stop - KEPT - base)
+        dropped = max(0, stop - STAMPS_AGAIN - base)
         self._window, self._base = window[dropped:], base + dropped
         return KnownSegments(stop, tuple(firsts), tuple(starts))
 

@@ -19,38 +19,52 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.files.clock.loss_levels import Rows, follow, least_ahead, median_of_three, row_levels
 
-# The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
 
-_COARSE = 0.35
-"""Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
-_REGULAR = 0.35
-"""Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
-_TURNS = 0.15  # smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far
-_LATE_SHARE = (
-    0.01  # largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter
-)
-_STEADY = 0.85
-"""Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
-_INTERVAL_CHANGE = 0.02
-"""Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
-_MOST_LOST = 2.5
-"""Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
+@dataclass(frozen=True)
+class PhaseSearch:
+    """Limits of the search for interval and lost samples, held by the study docs/validation/clocks.md."""
+
+    coarse: float = 0.35
+    """Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
+    regular: float = 0.35
+    """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling
+    intervals."""
+    far_regular: float = 0.15
+    """Smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far."""
+    late_share: float = 0.01
+    """Largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter."""
+    steady: float = 0.85
+    """Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
+    interval_change: float = 0.02
+    """Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
+    pauses: float = 2.5
+    """Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
+    long_interval: float = 1.5
+    """Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
+    long_gap: int = 256
+    """Gap (samples) above which it is removed before phases are compared: the clock may drift within it."""
+    first_rows: int = 1 << 17
+    """Number of rows from which the interval is first found; all rows then refine it."""
+    gain_of_doubling: float = 0.03
+    """Increase of the coherence above which a block with twice the rows is preferred."""
+    least_blocks: int = 12
+    """Smallest number of blocks into which the recording is divided in the search for a better block length."""
+    agrees_with_declared: float = 0.02
+    """Largest relative difference at which an interval agrees with the declared interval."""
+    jitter_of_declared: float = 0.1
+    """Relative difference between the declared interval and one without a lost sample, jitter included."""
+    slips: int = 5
+    """Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
+
+
+SEARCH = PhaseSearch()
+
 _RUNS, _RUN = 8, 16
-"""Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `_MOST_LOST`."""
-_LONG_INTERVAL = 1.5  # interval, in samples, halfway between an interval without a lost sample and an interval with one
-_LONG_GAP = 256  # gap (samples) above which it is removed before phases are compared: the clock may drift within it
+"""Rows come in at least 8 bursts, of fewer than 16 rows on average unless the ratio is above 4 `SEARCH.pauses`."""
 _SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
 """Rows over which the phase is averaged, step between its values, and the same number of blocks."""
-_FIRST_ROWS = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
-_PER_DOUBLING = 0.03  # increase of the coherence above which a block with twice the rows is preferred
-_BLOCKS = 12  # smallest number of blocks into which the recording is divided in the search for a better block length
 RATE_TOLERANCE = 1e-2
 """Relative agreement of rates; gyroscope clocks are specified to 1 % (InvenSense specification PS-MPU-6000A)."""
-_AGREES_WITH_DECLARED = 0.02  # largest relative difference at which an interval agrees with the declared interval
-_JITTER_OF_DECLARED = (
-    0.1  # relative difference between the declared interval and one without a lost sample, jitter included
-)
-_SLIPS = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
 
 
 @dataclass(frozen=True)
@@ -71,7 +85,7 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
     uniform = line is not None and (
-        resolution < _COARSE * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
+        resolution < SEARCH.coarse * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
     )
     if line is not None and uniform and not contradicts:
         return SampleLosses(line, none, none, 1)
@@ -79,19 +93,21 @@ def find_losses(ticks: Vector, resolution: float, declared: float | None = None)
     mean = _windowed_mean(ticks, burst)
     if declared is not None and contradicts:
         steps = np.diff(ticks)
-        near = steps[np.abs(steps / declared - 1) < _JITTER_OF_DECLARED]
+        near = steps[np.abs(steps / declared - 1) < SEARCH.jitter_of_declared]
         single = float(np.median(near)) if near.size else single
     regular = _regular(ticks, single, resolution, mean)
     agrees = (
-        declared is not None and regular is not None and abs(regular.interval / declared - 1) < _AGREES_WITH_DECLARED
+        declared is not None
+        and regular is not None
+        and abs(regular.interval / declared - 1) < SEARCH.agrees_with_declared
     )
     if agrees and regular is not None and (line is None or contradicts):
         return regular  # the declared rate decides between jitter or rounding, and regular losses
     if line is not None and uniform:
         return SampleLosses(line, none, none, 1)
-    if regular is not None and resolution >= _COARSE * single and _is_rounding(regular, resolution, single):
+    if regular is not None and resolution >= SEARCH.coarse * single and _is_rounding(regular, resolution, single):
         regular = None
-    if line is not None and (regular is None or not 0 < regular.rows.size + regular.repeated.size < _SLIPS):
+    if line is not None and (regular is None or not 0 < regular.rows.size + regular.repeated.size < SEARCH.slips):
         return SampleLosses(line, none, none, 1)
     if regular is not None and (declared is None or agrees):
         return regular
@@ -119,7 +135,9 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
 
 def _typical(ticks: Vector) -> float:
     """Return the median interval of some rows."""
-    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS])))
+    return float(
+        np.median(np.diff(ticks[(ticks.size - min(ticks.size, SEARCH.first_rows)) // 2 :][: SEARCH.first_rows]))
+    )
 
 
 def _burst(ticks: Vector) -> float:
@@ -152,7 +170,7 @@ def _one_line(ticks: Vector, resolution: float) -> float | None:
     k = np.arange(ticks.size, dtype=np.float64)
     slope = _slope(k, ticks)
     away = ticks - slope * k
-    if resolution < _COARSE * slope or np.ptp(away) < 1e-3 * slope:
+    if resolution < SEARCH.coarse * slope or np.ptp(away) < 1e-3 * slope:
         return slope if np.ptp(away) <= max(1.05 * resolution, 0.5 * slope) else None
     if np.ptp(away) > 3 * resolution:
         return None
@@ -162,7 +180,7 @@ def _one_line(ticks: Vector, resolution: float) -> float | None:
         a, b = high - ratio * (high - low), low + ratio * (high - low)
         low, high = (low, b) if np.ptp(away - a * k) < np.ptp(away - b * k) else (a, high)
     middle = (low + high) / 2
-    return slope + middle if np.ptp(away - middle * k) <= 1.01 * resolution else None
+    return slope + float(middle) if np.ptp(away - middle * k) <= 1.01 * resolution else None
 
 
 def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
@@ -178,11 +196,11 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Sa
     if single <= 0:
         return None
     steps = np.diff(ticks)
-    if mean / single > _MOST_LOST:
-        runs = int(np.count_nonzero(steps > _LONG_INTERVAL * single))
-        if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * _MOST_LOST):
+    if mean / single > SEARCH.pauses:
+        runs = int(np.count_nonzero(steps > SEARCH.long_interval * single))
+        if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * SEARCH.pauses):
             return None
-    if resolution >= _COARSE * single:
+    if resolution >= SEARCH.coarse * single:
         # The phase of rounded time stamps is not usable, so only time stamps without jitter show losses row by row.
         odd = np.count_nonzero(np.abs(steps / single - np.round(steps / single)) > 1e-6) + np.count_nonzero(steps == 0)
         if odd > max(2, 0.002 * steps.size):
@@ -194,7 +212,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Sa
     r = closed / interval - np.arange(closed.size)
     x = r - phase
     level = follow(x)
-    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE_SHARE * x.size:
+    if np.count_nonzero(np.abs(x - level) > 0.75) > SEARCH.late_share * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
     return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
@@ -204,7 +222,7 @@ def _is_rounding(found: SampleLosses, resolution: float, single: float) -> bool:
     """Return whether the losses are so regular that they are taken as rounding at another rate."""
     apart = np.diff(found.rows)
     return bool(
-        found.rows.size >= _SLIPS
+        found.rows.size >= SEARCH.slips
         and np.std(apart) < 0.5 * np.mean(apart)
         and np.median(found.lost) <= np.ceil(resolution / single)
     )
@@ -214,7 +232,7 @@ def _with_long_steps(level: Rows, steps: Vector) -> Rows:
     """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
     clock."""
     rise = np.diff(level)
-    near = np.abs(steps[steps < _LONG_INTERVAL] - 1)
+    near = np.abs(steps[steps < SEARCH.long_interval] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
     short = max(0.5, scatter)
     wide = np.concatenate([[1.0], steps, [1.0]])
@@ -229,7 +247,7 @@ def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
     """Return time stamps without their long gaps, and the rows after these gaps."""
     steps = np.diff(ticks)
     r = ticks / interval - np.arange(ticks.size)
-    jumps = np.flatnonzero(steps > _LONG_GAP * interval)
+    jumps = np.flatnonzero(steps > SEARCH.long_gap * interval)
     size = steps[jumps] / interval
     later = np.minimum(jumps + 65 + np.minimum(2 * size, 20_000).astype(np.int64), ticks.size - 1)
     stays = np.minimum.reduceat(r, np.column_stack([jumps + 1, later]).ravel())[::2] if jumps.size else np.empty(0)
@@ -246,7 +264,7 @@ def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
     """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
     n = ticks.size
-    sample = ticks[(n - min(n, _FIRST_ROWS)) // 2 :][:_FIRST_ROWS]
+    sample = ticks[(n - min(n, SEARCH.first_rows)) // 2 :][: SEARCH.first_rows]
     steps = np.diff(sample) / interval
     near = steps[np.abs(steps - 1) <= 0.5]
     # With many gaps, the median of all intervals is above the median of those without one.
@@ -260,7 +278,7 @@ def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]
         apart = (sample[lag:] - sample[:-lag]) / interval
         mean = np.mean(np.exp(2j * np.pi * apart))
         turn, advance = float(np.angle(mean)) / (2 * np.pi), float(np.median(apart))
-        if abs(mean) < max(_TURNS, 3 / np.sqrt(apart.size)):
+        if abs(mean) < max(SEARCH.far_regular, 3 / np.sqrt(apart.size)):
             break
         if abs(turn) / advance < 0.05:
             interval *= 1 + turn / advance
@@ -269,7 +287,7 @@ def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]
     angle = 2 * np.pi * (ticks / interval)
     means = (np.add.reduceat(np.cos(angle), edges) + 1j * np.add.reduceat(np.sin(angle), edges)) / sizes
     smooth = _moving_mean(means, int(np.clip(n // 16, 16, _SMOOTH)) // _STEP + 1)
-    if float(np.mean(np.abs(smooth))) < _REGULAR:
+    if float(np.mean(np.abs(smooth))) < SEARCH.regular:
         return None, np.empty(0)
     phase = np.unwrap(np.angle(smooth)) / (2 * np.pi)
     return interval, np.interp(np.arange(n), edges + (sizes - 1) / 2, phase)
@@ -304,24 +322,24 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
     closed, far = _close_gaps(ticks, interval)
     n = closed.size
     # Minima and maxima of rounded time stamps are whole numbers for any interval that is a multiple of their unit.
-    rounded = resolution >= _COARSE * interval
+    rounded = resolution >= SEARCH.coarse * interval
     names = ("mean",) if rounded else tuple(_STATISTICS)
     width = 4
     while width < 2 * max(burst, resolution / interval) and width < 2048:
         width *= 2
     best = (-1.0, 1, "mean", interval)
     near = dict.fromkeys(names, interval)
-    while width <= 2048 and (best[0] < 0 or (best[0] < _STEADY and width * _BLOCKS <= n)):
+    while width <= 2048 and (best[0] < 0 or (best[0] < SEARCH.steady and width * SEARCH.least_blocks <= n)):
         size = max(1, min(width, n // 3))
         for name in names:
             refined = _refine(closed, near[name], size, name)
             value = _coherence(_blocks(closed, refined, size, name))
-            if abs(refined / near[name] - 1) > min(_INTERVAL_CHANGE, 0.45 / size):
+            if abs(refined / near[name] - 1) > min(SEARCH.interval_change, 0.45 / size):
                 continue
             if value > 0.5:
                 near[name] = refined
             # A shorter block separates losses that are near each other.
-            if value - _PER_DOUBLING * np.log2(size) > best[0] - _PER_DOUBLING * np.log2(best[1]):
+            if value - SEARCH.gain_of_doubling * np.log2(size) > best[0] - SEARCH.gain_of_doubling * np.log2(best[1]):
                 best = (value, size, name, refined)
         width *= 2
     _, width, name, interval = best

@@ -24,7 +24,7 @@ from gmwm.base.units import find_unit
 from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 
-ROWS = 1 << 20
+ARRAY_ROWS = 1 << 20
 """Number of rows in a chunk."""
 
 MAX_ARRAYS = 1000
@@ -137,7 +137,7 @@ class ArraysReader(Reader):
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Return a mark for each chunk, and one for the end of the arrays."""
         total = layout.state[0][0].shape[0]
-        return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total)) if self.random_access else ()
+        return (*(Mark(row) for row in range(0, total, ARRAY_ROWS)), Mark(total)) if self.random_access else ()
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Yield the rows from a mark on."""
@@ -145,11 +145,12 @@ class ArraysReader(Reader):
 
 
 def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
-    """Yield the numbers of the wanted columns, `ROWS` rows at a time; integers as int64, all others as float64."""
+    """Yield the numbers of the wanted columns, `ARRAY_ROWS` rows at a time; integers as int64, all others as
+    float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
     total = columns[0][0].shape[0]
-    for start in range(first, total, ROWS):
-        stop = min(start + ROWS, total)
+    for start in range(first, total, ARRAY_ROWS):
+        stop = min(start + ARRAY_ROWS, total)
         read: dict[int, NDArray[Any]] = {}
         chunk = {}
         for k in wanted:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gmwm.base.extras import library
 from gmwm.files.formats.bagfiles import TEXT_LIMIT, Topic
 from gmwm.files.formats.cdr import Definition, Description, topic_error
 
@@ -21,6 +22,7 @@ def definition(topic: Topic) -> Definition | None:
 
     Recordings before ROS 2 Iron contain no definitions; their types are those that ROS includes.
     """
+    library("rosbags")
     from rosbags.typesys import Stores, get_typestore
 
     if topic.encoding not in ("cdr", "ros1"):  # serialisation formats of messages that gmwm can decode

@@ -17,6 +17,7 @@ from struct import error as StructError
 from typing import Any, BinaryIO
 
 from gmwm.base.errors import ReadError
+from gmwm.base.extras import library
 from gmwm.files.contract import damage_error
 from gmwm.files.formats.byte_sources import ZSTD, zstd_library
 
@@ -114,9 +115,10 @@ def decompress(data: bytes, compression: str, size: int, path: Path) -> bytes:
     if compression in ("", "none"):
         content = data
     elif compression in ("lz4", "bz2", "zstd"):
+        decompressor = _decompressor(compression)
         try:
             # One byte more than expected is enough to detect that the chunk is too large.
-            content = _decompressor(compression).decompress(data, max_length=size + 1)
+            content = decompressor.decompress(data, max_length=size + 1)
         except Exception as error:  # three libraries can raise any error on invalid data
             raise damage_error(f"{path}: a chunk is damaged ({error})", "chunk-damaged") from error
     else:
@@ -176,9 +178,7 @@ def merge_topics(topics: Iterator[Topic]) -> tuple[Topic, ...]:
 
 def _decompressor(compression: str) -> Any:
     if compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-        return LZ4FrameDecompressor()
+        return library("lz4.frame").LZ4FrameDecompressor()
     if compression == "bz2":
         from bz2 import BZ2Decompressor
 

@@ -17,10 +17,8 @@ import numpy as np
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.contract import Channel, Layout, Reader, Rows, register
+from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
 from gmwm.files.formats.dataflash import ADVICE, ROLES, STAMPS, is_inertial
-
-_ROWS = 1 << 16  # rows of a chunk
 
 
 @dataclass
@@ -104,7 +102,7 @@ class DataflashTextReader(Reader):
             if instance >= 0 and values[instance] != recording.instance:
                 continue
             rows.append([values[place] for place in places.values()])
-            if len(rows) == _ROWS:
+            if len(rows) == CHUNK_ROWS:
                 yield _numbers(rows, layout, wanted)
                 rows = []
         if rows:

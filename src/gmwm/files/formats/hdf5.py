@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError
+from gmwm.base import extras
+from gmwm.base.errors import GmwmError, ReadError
 from gmwm.files.contract import Layout, damage_error, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,
@@ -52,7 +53,7 @@ class Hdf5Reader(ArraysReader):
 
 def arrays_in(path: Path) -> list[Array]:
     """Return all arrays of numbers in an HDF5 file, named by their paths without the first slash."""
-    library = _library(path)
+    library = extras.library("h5py")
     arrays: list[Array] = []
     texts: list[str] = []
     try:
@@ -64,16 +65,6 @@ def arrays_in(path: Path) -> list[Array]:
     except Exception as error:  # the library raises any type of error for a damaged file
         raise _incomplete(path, error) from error
     return with_stated_units(arrays, texts)
-
-
-def _library(path: Path) -> Any:
-    try:
-        import h5py  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"{path} is an HDF5 file, and h5py is not installed", advice="Install it with `pip install 'gmwm[hdf5]'`."
-        ) from error
-    return h5py
 
 
 def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array], depth: int) -> None:
@@ -116,7 +107,7 @@ class _DatasetRows:
         self._path, self._name, self._dimensions = path, name, dimensions
 
     def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
-        library = _library(self._path)
+        library = extras.library("h5py")
         try:
             with library.File(self._path, "r") as file:
                 node = file[self._name]

@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.text_stamps import form_remark, is_stamp, times_of
-from gmwm.files.contract import Channel, Layout, Reader, Rows, register
+from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
 
-_ROWS = 1 << 14
-"""Number of samples, and so of files, in a chunk."""
 _FIELDS, _FIRST = 30, {"accel": 11, "gyro": 17}
 """Number of numbers in a file, and the index of the x axis of each sensor."""
 
@@ -58,9 +56,9 @@ class OxtsReader(Reader):
                 f"{path} has {len(lines)} time stamps for {len(files)} files in {path.parent / 'data'}",
                 code="files-missing", advice="Copy the folder again.",
             )  # fmt: skip
-        for begin in range(0, len(files), _ROWS):
-            table = np.array([_numbers(file) for file in files[begin : begin + _ROWS]])
-            times = times_of(pl.Series(lines[begin : begin + _ROWS]), layout.first_row[0]).view(np.int64)
+        for begin in range(0, len(files), CHUNK_ROWS):
+            table = np.array([_numbers(file) for file in files[begin : begin + CHUNK_ROWS]])
+            times = times_of(pl.Series(lines[begin : begin + CHUNK_ROWS]), layout.first_row[0]).view(np.int64)
             chunk: dict[int, NDArray[Any]] = {}
             for k in wanted:
                 axis = layout.channels[k].axis

@@ -20,7 +20,7 @@ from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_erro
 if TYPE_CHECKING:
     import polars as pl
 
-ROWS = 1 << 18
+TABLE_ROWS = 1 << 18
 """Rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often."""
 
 
@@ -64,7 +64,7 @@ class ParquetReader(Reader):
         import polars as pl
 
         rows = int(_scan(path).select(pl.len()).collect().item())
-        return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
+        return (*(Mark(row) for row in range(0, rows, TABLE_ROWS)), Mark(rows))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Yield the chunks from a mark on."""
@@ -75,7 +75,7 @@ class ParquetReader(Reader):
         row = mark.row
         while True:
             try:
-                frame = scan.slice(row, ROWS).collect()
+                frame = scan.slice(row, TABLE_ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
                 raise damage_error(f"{path} is damaged after row {row}: {str(error).splitlines()[0]}") from error
             if frame.is_empty():

@@ -25,11 +25,9 @@ from gmwm.base.template import join_names
 from gmwm.base.units import STANDARD_GRAVITY, parse_unit
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import form_remark, is_stamp, times_of
-from gmwm.files.contract import Channel, Layout, Reader, Rows, register
+from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
 from gmwm.files.formats.novatel_counts import TYPES, CountScale
 
-_ROWS = 1 << 16
-"""Number of sentences in a chunk."""
 _NEAR_GRAVITY = 0.1  # relative agreement with gravity of types that are proposed; their counts differ by 1.5 or more
 _LINE_BYTES = 1 << 12  # longer lines are no sentences
 _START = re.compile(rb"[$#%!]([A-Z][A-Z0-9]{2,11}),")
@@ -167,7 +165,7 @@ class _SentenceFormat(Reader):
         state: _State = layout.state
         kind = SENTENCES[state.name]
         sentences = (sentence for sentence in _sentences(path) if sentence[1] == state.name)
-        while rows := list(islice(sentences, _ROWS)):
+        while rows := list(islice(sentences, CHUNK_ROWS)):
             table = _table([fields for _, _, fields in rows], state.width)
             roles = {k: layout.channels[k].axis for k in wanted}
             yield {

@@ -15,7 +15,6 @@ from gmwm.files.clock.lost_samples import MISSING, is_missing
 from gmwm.files.columns.column_names import clean, recognise, unit_of
 from gmwm.files.contract import Rows
 
-_SECOND = 10**9
 _MOST_ROWS = 4096
 """Number of rows in which seconds and fractions are compared."""
 
@@ -42,7 +41,7 @@ class StampParts:
                 advice="Name the time column with {--columns}, or leave it out with {--columns=time:none} and pass "
                 "{--rate}.",
             )
-        return np.where(away, MISSING, seconds * _SECOND + fraction * (_SECOND // self.per_second))
+        return np.where(away, MISSING, seconds * 10**9 + fraction * (10**9 // self.per_second))
 
 
 def find_parts(names: Sequence[str], integers: Sequence[bool], rows: Sequence[Sequence[str]]) -> StampParts | None:

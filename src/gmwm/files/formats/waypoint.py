@@ -6,7 +6,6 @@ bytes, so the user names the type: `format="imu:LN200"`.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,12 +17,13 @@ from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import GmwmWarning, ReadError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.reporting import warn
 from gmwm.base.text import counted
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.recording.imu_records import TYPES, RecordType
 
-BLOCK = 1 << 18
+RECORDS_OF_CHUNK = 1 << 18
 """Number of records in a chunk."""
 
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
@@ -44,14 +44,14 @@ class RecordsReader(Reader):
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Return a mark for each block of records, and one for the end."""
         records = whole_records(path, *layout.state)
-        return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
+        return (*(Mark(row) for row in range(0, records, RECORDS_OF_CHUNK)), Mark(records))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Yield blocks of records from a mark on, each field as float64."""
         dtype, offset = layout.state
         with path.open("rb") as file:
             file.seek(offset + mark.row * dtype.itemsize)
-            while (block := np.fromfile(file, dtype, BLOCK)).size:
+            while (block := np.fromfile(file, dtype, RECORDS_OF_CHUNK)).size:
                 yield {k: block[dtype.names[k]].astype(np.float64) for k in wanted}
 
 
@@ -179,7 +179,7 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
             "record-type-doubtful", str(path), type=name, gravity=gravity, better=decided, formats=_formats(better)
         )
         remarks.append(doubtful)
-        warnings.warn(GmwmWarning(doubtful), stacklevel=2)
+        warn(GmwmWarning(doubtful), stacklevel=2)
     for sensor, factor, unit in (("gyro", kind.gyro, "rad"), ("accel", kind.accel, "m/s")):
         remarks.append(
             Remark.of("unit-named", sensor, case="factor", factor=factor, unit=unit, source="format", type=name)

@@ -16,7 +16,7 @@ from gmwm.theory.processes.walk import RW
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""
-PEAK = 0.6173643
+GAUSS_MARKOV_PEAK = 0.6173643
 """Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
 correlation time (pinned by tests/importers/test_values.py)."""
 _SQUARED = (1e-150, 1e150)
@@ -80,7 +80,7 @@ class Values:
         if self.Q:
             processes.append(QN(q2=_product(self.Q, self.Q, rate, rate)))
         if self.time and (self.sigma or self.B):
-            sigma = self.sigma if self.sigma else (self.B or 0.0) * FLOOR / PEAK
+            sigma = self.sigma if self.sigma else (self.B or 0.0) * FLOOR / GAUSS_MARKOV_PEAK
             processes.append(GM(beta=1.0 / self.time, sigma2=sigma**2))
         elif self.B:
             processes.append(FN(b2=self.B**2))

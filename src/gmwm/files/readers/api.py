@@ -16,7 +16,7 @@ from gmwm.files.readers.builder import SampleBuilder, collect_samples
 from gmwm.files.readers.interpretation import Interpretation, RowSource, require_time, understand
 from gmwm.files.readers.reading_warnings import of_file, warn
 from gmwm.files.readers.several_files import Source, found_reader, source_words
-from gmwm.files.readers.streams import CHUNK, FileRows, HeldRows, Stream
+from gmwm.files.readers.streams import CHUNK_SAMPLES, FileRows, HeldRows, Stream
 from gmwm.files.readers.topics import one_layout
 from gmwm.recording.options import BadLines, Columns, Gaps, ReadOptions, as_whole_number
 from gmwm.recording.signals import Imu
@@ -118,7 +118,7 @@ def read(
 def stream(
     path: Source, rate: float | None = None, columns: Columns | None = None, units: Mapping[str, str] | None = None,
     *,
-    chunk: int = CHUNK, format: str | None = None, scale: Mapping[str, float] | None = None,
+    chunk: int = CHUNK_SAMPLES, format: str | None = None, scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (), topic: str | None = None, start: float | None = None,
     stop: float | None = None, skip: Sequence[tuple[float, float]] = (), bad_lines: BadLines = "error",
 ) -> Stream:  # fmt: skip
@@ -182,7 +182,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
     return imu.longest() if options.gaps == "longest" else imu
 
 
-def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK) -> Stream:
+def stream_file(path: Source, options: ReadOptions, chunk: int = CHUNK_SAMPLES) -> Stream:
     """Open a recording as a stream, with checked options; see `stream`. The option `gaps` is not applied."""
     with np.errstate(all="ignore"):
         source = _OpenFile.of(path, options, in_memory=False)

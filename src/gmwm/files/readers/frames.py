@@ -126,10 +126,12 @@ def _of_xarray(data: Any) -> Iterator[tuple[str, Any]]:
     first = next(iter(data.data_vars.values())) if hasattr(data, "data_vars") else data
     along = first.dims[0]
     if along in data.coords:
-        yield str(along), np.asarray(data.coords[along].values)
+        unit = data.coords[along].attrs.get("units")
+        yield f"{along} [{unit}]" if unit else str(along), np.asarray(data.coords[along].values)
     if hasattr(data, "data_vars"):
         for name, variable in data.data_vars.items():
-            yield str(name), np.asarray(variable.values)
+            unit = variable.attrs.get("units")
+            yield f"{name} [{unit}]" if unit else str(name), np.asarray(variable.values)
         return
     labels = data.coords[data.dims[1]].values if data.ndim == 2 and data.dims[1] in data.coords else None
     values = np.asarray(data.values)

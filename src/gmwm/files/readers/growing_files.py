@@ -22,13 +22,13 @@ from gmwm.files.readers.reading_warnings import warn
 from gmwm.files.readers.streams import Stream, first_rows
 from gmwm.recording.options import ReadOptions
 
-POLL = 0.2
+POLL_S = 0.2
 """Time between two checks for new data (s)."""
-BLOCK = 1 << 20
+READ_BYTES = 1 << 20
 """Largest number of bytes in one read."""
-LINES = 256
+HEAD_LINES = 256
 """Number of lines from which units, rate and time stamps are determined, unless they take too long to arrive."""
-FEWEST = 24
+LEAST_HEAD_LINES = 24
 """Number of lines that are sufficient if the other lines do not arrive within some seconds."""
 
 Take = Callable[[], bytes | None]
@@ -59,7 +59,7 @@ class GrowingFile:
             self.trouble = (
                 f"{self.path} was truncated to {here.st_size} bytes while it was watched: what follows is another"
             )
-        elif data := self._file.read(BLOCK):
+        elif data := self._file.read(READ_BYTES):
             self._taken += len(data)
             return data
         else:
@@ -110,7 +110,7 @@ class GrowingPipe:
         data = b"-"
         while data:
             try:
-                data = read(BLOCK)
+                data = read(READ_BYTES)
             except (OSError, ValueError):
                 data = b""
             self._ready.put(data)
@@ -154,7 +154,7 @@ class Lines:
             if lines := self.look():
                 return lines
             if not self.ended:
-                time.sleep(POLL)
+                time.sleep(POLL_S)
         return b""
 
 
@@ -210,7 +210,7 @@ class _LiveRows:
 
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
     """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once. Only rate,
-    columns, units, scale and increments of `options` are used. After `patience` seconds, `FEWEST` lines are
+    columns, units, scale and increments of `options` are used. After `patience` seconds, `LEAST_HEAD_LINES` lines are
     sufficient."""
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
@@ -232,20 +232,20 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     first = first_rows(reader.rows(_GrowingText(path, head, None), layout, list(choice.columns.values())), choice)
     interpretation = understand(layout, choice, first, path=path, options=options, source=None)
     warn(interpretation.remarks, stacklevel=2)
-    return Stream(str(path), interpretation, _LiveRows(reader, _GrowingText(path, head, lines), layout), BLOCK)
+    return Stream(str(path), interpretation, _LiveRows(reader, _GrowingText(path, head, lines), layout), READ_BYTES)
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:
     """Read the first lines, from which columns, units and rate are determined."""
     parts: list[bytes] = []
     count, since = 0, time.monotonic()
-    while count < LINES and not lines.ended:
+    while count < HEAD_LINES and not lines.ended:
         part = lines.look()
         if part:
             parts.append(part)
             count += part.count(b"\n")
-        elif count >= FEWEST and time.monotonic() - since > patience:
+        elif count >= LEAST_HEAD_LINES and time.monotonic() - since > patience:
             break
         elif not lines.ended:
-            time.sleep(POLL)
+            time.sleep(POLL_S)
     return b"".join(parts)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping
 
+from gmwm.base import reporting
 from gmwm.base.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.base.remarks import Remark
 
@@ -36,4 +36,4 @@ def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
     for remark in remarks:
         category = _CATEGORIES.get(remark.code)
         if category is not None:
-            warnings.warn(category(remark), stacklevel=stacklevel + 1)
+            reporting.warn(category(remark), stacklevel=stacklevel + 1)

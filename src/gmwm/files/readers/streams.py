@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.welch import Detrend
     from gmwm.measuring.variance.result import WaveletVariances
 
-CHUNK = 1_000_000
+CHUNK_SAMPLES = 1_000_000
 """Default number of samples in a chunk."""
-LARGE = 300_000_000
+STREAMED_BYTES = 300_000_000
 """File size (bytes) from which commands and fleets stream. Smaller files fit into any memory, with copies."""
 Kept = Sequence[tuple[float, float]]
 """Ranges of time (s), in order."""
@@ -45,7 +45,7 @@ T = TypeVar("T")
 def is_large(path: Path) -> bool:
     """Return whether a file, or all files of a pattern together, are so large that the commands stream them."""
     files = [Path(file) for file in files_of(path)]
-    return sum(file.stat().st_size for file in files if file.is_file()) >= LARGE
+    return sum(file.stat().st_size for file in files if file.is_file()) >= STREAMED_BYTES
 
 
 def without_float_warnings(items: Iterator[T]) -> Iterator[T]:
@@ -75,7 +75,7 @@ class FileRows:
         return chunks if self.limits is None else _between(chunks, *self.limits)
 
     def first(self, choice: ColumnChoice) -> Rows:
-        """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
+        """Return at least `HEAD_ROWS` rows of each column, or all rows of a shorter recording."""
         return first_rows(self.chunks(list(choice.columns.values())), choice)
 
     def limit(self, begin: int, end: int) -> FileRows:
@@ -120,12 +120,12 @@ class HeldRows:
 
 
 def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
-    """Return at least `HEAD` rows of each column, or all rows of a shorter recording."""
+    """Return at least `HEAD_ROWS` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
     for chunk in chunks:
         parts.append(chunk)
         count += next(iter(chunk.values())).size
-        if count >= interpretation.HEAD:
+        if count >= interpretation.HEAD_ROWS:
             break
     return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
 
@@ -160,7 +160,7 @@ class Stream:
     """
 
     def __init__(
-        self, source: str, found: Interpretation, rows: RowSource, size: int = CHUNK, kept: Kept | None = None
+        self, source: str, found: Interpretation, rows: RowSource, size: int = CHUNK_SAMPLES, kept: Kept | None = None
     ) -> None:
         self.source, self.rate, self.axes = source, found.rate, found.choice.axes
         self.time_base = found.timing.base

@@ -131,7 +131,7 @@ def sandwich_of(
 def _unseen(model: Model, design: Design) -> list[Vector]:
     """Return the wavelet variances (J,), for scale coefficient 1, of terms that are zero and have no free shape."""
     return [
-        process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
+        process.moments(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
         if process.scale == 0
         and not process.is_fixed(process.scale_parameter().name)

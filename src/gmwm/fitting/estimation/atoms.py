@@ -20,9 +20,9 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-SAFETY = 2.0
+BOUND_FACTOR = 2.0
 """Factor from the largest interpolation error at midpoints near a cell to the bound in the cell."""
-NEIGHBOURS = 12
+NEIGHBOUR_CELLS = 12
 """Neighbouring cells on each side that are used, because rounding dominates single midpoints near φ = 1."""
 
 
@@ -72,9 +72,9 @@ def shape_at(
     """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves, one after
     another."""
     if np.all(levels[1:] > levels[:-1]):
-        return process.shape(parameters, levels, rate, filter)
+        return process.moments(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
-    return np.asarray(process.shape(parameters, ascending, rate, filter)[:, place])
+    return np.asarray(process.moments(parameters, ascending, rate, filter)[:, place])
 
 
 def slope_at(
@@ -82,7 +82,7 @@ def slope_at(
 ) -> Matrix:
     """Return the derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
     ascending, place = np.unique(levels, return_inverse=True)
-    return np.asarray(process.shape_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
+    return np.asarray(process.moments_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
 
 
 def shapes(
@@ -149,9 +149,9 @@ def table(grid: ShapeGrid, root: Matrix) -> UnitCurve:
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     cubic = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
     error = np.where(joined, 0.0, np.linalg.norm(middle - cubic, axis=1))
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(error, NEIGHBOURS), 2 * NEIGHBOURS + 1)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(error, NEIGHBOUR_CELLS), 2 * NEIGHBOUR_CELLS + 1)
     worst = around.max(axis=1)
-    margins = np.where(joined, -1.0, SAFETY * worst + 4 * np.finfo(float).eps)
+    margins = np.where(joined, -1.0, BOUND_FACTOR * worst + 4 * np.finfo(float).eps)
     # Derivatives with respect to the position in cells. All cells of a branch have the same width.
     per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
     per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)

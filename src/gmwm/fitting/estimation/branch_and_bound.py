@@ -19,28 +19,37 @@ from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-CERTIFIED_GAP = 1e-4
-"""Relative gap between objective and lower bound at which the search stops (docs/validation/optimum.md)."""
-CERTIFY_NODES = 20_000
-"""Largest number of nodes of the search tree in a search with a certificate."""
-QUICK_NODES = 24
-"""Largest number of nodes without a certificate; the fits are equally good (tests/estimation/test_fit_laws.py)."""
+
+@dataclass(frozen=True)
+class SearchLimits:
+    """Limits of the search and of the refinement (docs/validation/optimum.md)."""
+
+    certified_gap: float = 1e-4
+    """Relative gap between objective and lower bound at which the search stops (docs/validation/optimum.md)."""
+    certify_nodes: int = 20_000
+    """Largest number of nodes of the search tree in a search with a certificate."""
+    quick_nodes: int = 24
+    """Largest number of nodes without a certificate; the fits are equally good (tests/estimation/test_fit_laws.py)."""
+    table_error: float = 1e-5
+    """Relative excess of the objective up to which optima on the tabulated curve are refined on the exact curve."""
+    settled: float = 1e-12
+    """Relative decrease of the objective below which a refinement ends."""
+    polishes: int = 8
+    """Largest number of successive cells through which a refinement follows one optimum."""
+    newton_steps: int = 5
+    """Largest number of Newton steps at the end of a refinement."""
+    longest_step: float = 0.05
+    """Longest Newton step in the search coordinate after the weights have changed."""
+    flat: float = 1e-10
+    """Relative increase of the objective below which the end of a domain replaces the optimum (test_last_places.py)."""
+    acts_as: float = 1e-6
+    """Relative increase below which a process acts as the process at the end of its domain (test_last_places.py)."""
+
+
+LIMITS = SearchLimits()
+
 WIDTHS = (1e-2, 1e-3)
 """Widths, in the search coordinate, of the cells of the refinement; the last cells are exact to rounding."""
-TABLE_ERROR = 1e-5
-"""Relative excess of the objective up to which optima on the tabulated curve are refined on the exact curve."""
-SETTLED = 1e-12
-"""Relative decrease of the objective below which a refinement ends."""
-POLISHES = 8
-"""Largest number of successive cells through which a refinement follows one optimum."""
-NEWTON_STEPS = 5
-"""Largest number of Newton steps at the end of a refinement."""
-FOLLOWED = 0.05
-"""Longest Newton step in the search coordinate after the weights have changed."""
-FLAT = 1e-10
-"""Relative increase of the objective below which the end of a domain replaces the optimum (test_last_places.py)."""
-ACTS_AS = 1e-6
-"""Relative increase below which a process acts as the process at the end of its domain (test_last_places.py)."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ class Search:
         """Return the global optimum on the exact curve, with lower bounds that prove it if `certify`."""
         candidates, bound, relaxed, nodes = self.branch_and_bound(certify=certify)
         least = candidates[0][0]
-        lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+        lowest = [positions for value, positions in candidates if value <= (1 + LIMITS.table_error) * least]
         best = min((self.polish(self.places_of(p)) for p in lowest), key=lambda found: found.objective)
         return SearchResult(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
@@ -103,7 +112,8 @@ class Search:
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
-            len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
+            len(self.problem.curved), LIMITS.certified_gap,
+            LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self._starts(),
         )  # fmt: skip
 
     def _starts(self) -> Vector:
@@ -129,7 +139,7 @@ class Search:
         problem = self.problem
         for width in WIDTHS if places else ():
             before = np.inf
-            for _ in range(POLISHES):
+            for _ in range(LIMITS.polishes):
                 if not places:
                     break
                 piece, ends = close_up(
@@ -145,12 +155,12 @@ class Search:
                 share = moved - 2 * which
                 places = [(places[i][0], float(ends[i, 0] + t * width)) for i, t in zip(which, share, strict=True)]
                 leaving = [t in (0.0, 1.0) and b.low < u < b.high for t, (b, u) in zip(share, places, strict=True)]
-                if not any(leaving) or objective >= (1 - SETTLED) * before:
+                if not any(leaving) or objective >= (1 - LIMITS.settled) * before:
                     break
                 before = objective
         return self._sharpen(self.at(places))
 
-    def _sharpen(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
+    def _sharpen(self, best: Optimum, steps: int = LIMITS.newton_steps, reach: float = WIDTHS[-1]) -> Optimum:
         """Return the optimum after Newton's method if its objective is not larger; otherwise `best`."""
         places = newton_places(
             self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
@@ -158,13 +168,13 @@ class Search:
         if places is None:
             return best
         sharp = self.at(places)
-        return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
+        return sharp if self.problem.as_low(sharp.objective, best.objective, LIMITS.settled) else best
 
     def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum for slightly different weights, by one Newton step
         if it is sufficient. If `ends`, a subclass also finds the ends of branches that the data cannot distinguish."""
         start = self.at(places)
-        optimum = self._sharpen(start, 1, FOLLOWED)
+        optimum = self._sharpen(start, 1, LIMITS.longest_step)
         return self.polish(places) if optimum is start and places else optimum
 
     def _rows(self, places: list[Place]) -> Matrix:
@@ -184,7 +194,7 @@ class Search:
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 optimum = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if self.problem.as_low(optimum.objective, best.objective, FLAT):
+                if self.problem.as_low(optimum.objective, best.objective, LIMITS.flat):
                     best = optimum
                     break
         return best
@@ -213,7 +223,7 @@ class Search:
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # an end at which the place already is comes first
             places = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self.problem.as_low(self.at(places).objective, best.objective, ACTS_AS)):
+            if name and (u == end or self.problem.as_low(self.at(places).objective, best.objective, LIMITS.acts_as)):
                 return name
         return None
 

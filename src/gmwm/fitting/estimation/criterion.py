@@ -18,7 +18,7 @@ from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
 from gmwm.fitting.estimation.intervals import Method
-from gmwm.fitting.estimation.linearised import COLLINEAR
+from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE
 from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
 from gmwm.fitting.estimation.solver import model_of, solve
 from gmwm.fitting.estimation.weighting import Weights
@@ -121,7 +121,7 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
     gauss = weighted.T @ weighted
     inverse = _inverse(gauss - bends[np.ix_(seen, seen)] / np.outer(length[seen], length[seen]))
     if inverse is None:
-        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR, hermitian=True)
+        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR_SINGULAR_VALUE, hermitian=True)
     moved = weighted.T @ root
     return float(2 * np.trace(inverse @ moved @ wavelet @ moved.T))
 
@@ -129,7 +129,7 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
 def _inverse(hessian: Matrix) -> Matrix | None:
     """Return the inverse of the Hessian H; None if H is not positive definite, for example at the end of a domain."""
     strength, axes = np.linalg.eigh(hessian)
-    if strength[0] <= COLLINEAR * strength[-1]:
+    if strength[0] <= COLLINEAR_SINGULAR_VALUE * strength[-1]:
         return None
     return np.asarray((axes / strength) @ axes.T)
 
@@ -176,12 +176,12 @@ def _of_process(
         # compares the criterion with the bootstrap.
         steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
-    shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
+    shape = process.moments(at.reshape(1, -1), levels, rate, filter)[0]
     slope = np.empty((levels.size, 1 + free.size))
     bend = np.zeros((1 + free.size, 1 + free.size))
     slope[:, 0] = shape
     if free.size:
-        jacobian = process.shape_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
+        jacobian = process.moments_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
         slope[:, 1:] = process.scale * jacobian[0]
         bend[0, 1:] = bend[1:, 0] = pull @ jacobian[0]
         for i in range(free.size):

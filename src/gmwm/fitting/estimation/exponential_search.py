@@ -14,18 +14,9 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.fitting.estimation.atoms import NEIGHBOURS, SAFETY, Place, ShapeGrid
+from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
 from gmwm.fitting.estimation.branch_and_bound import (
-    ACTS_AS,
-    CERTIFIED_GAP,
-    CERTIFY_NODES,
-    FLAT,
-    FOLLOWED,
-    NEWTON_STEPS,
-    POLISHES,
-    QUICK_NODES,
-    SETTLED,
-    TABLE_ERROR,
+    LIMITS,
     WIDTHS,
     Optimum,
     Search,
@@ -42,7 +33,17 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.solver import Solution
 
 _LIMITS = np.array(
-    [CERTIFIED_GAP, TABLE_ERROR, SETTLED, FLAT, ACTS_AS, FOLLOWED, POLISHES, NEWTON_STEPS], dtype=np.float64
+    [
+        LIMITS.certified_gap,
+        LIMITS.table_error,
+        LIMITS.settled,
+        LIMITS.flat,
+        LIMITS.acts_as,
+        LIMITS.longest_step,
+        LIMITS.polishes,
+        LIMITS.newton_steps,
+    ],
+    dtype=np.float64,
 )
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def search_of(problem: Problem) -> Search:
 def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
-        grid.middle_values, SAFETY, NEIGHBOURS,
+        grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS,
     )  # fmt: skip
 
 
@@ -92,7 +93,7 @@ class ExponentialSearch(Search):
         if weighted is None:
             weighted = weights.tables[self.grid] = _weigh_grid(self.grid, weights)
         values, bound, relaxed, table, nodes = self.kernel.solve(
-            weighted, len(self.problem.curved), CERTIFY_NODES if certify else QUICK_NODES, self._starts()
+            weighted, len(self.problem.curved), LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self._starts()
         )
         return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 

@@ -58,9 +58,12 @@ class GoodnessOfFit(FrozenArrays, Documented, Summarised):
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
         if self.method == "bootstrap":
             law = f"objective {self.statistic:.4g} compared with simulated recordings"
-        first, last = self.levels[0], self.levels[-1]
-        every = len(self.levels) == last - first + 1
-        used = f"{'' if every else f'{len(self.levels)} of '}levels {first} to {last}"
+        levels = self.levels[self.levels > 0]
+        first, last = levels[0], levels[-1]
+        every = len(levels) == last - first + 1
+        used = f"{'' if every else f'{len(levels)} of '}levels {first} to {last}"
+        if lags := len(self.levels) - len(levels):
+            used += f" and {counted(lags, 'lag')}"
         rejected = self.pvalue <= 0.05 if among_all is None else among_all
         verdict = f"the model is {'' if rejected else 'not '}rejected at the 5 % level"
         several = " for all axes together" if self.pvalue <= 0.05 and not rejected else ""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
-UNDETERMINED = 14.0
+UNDETERMINED_HALF_WIDTH = 14.0
 """Half width of an interval for a logarithm, a factor of a million, above which a parameter is not determined."""
 
 
@@ -209,7 +209,7 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
         half, share = (high - low) / 2, (2 * value - low - high) / (high - low)
         centre, reach = math.atanh(share), reach / half / (1 - share * share)
         return low + half * (1 + math.tanh(centre - reach)), low + half * (1 + math.tanh(centre + reach))
-    if reach / value > UNDETERMINED:
+    if reach / value > UNDETERMINED_HALF_WIDTH:
         return 0.0, math.inf
     factor = math.exp(reach / value)
     return value / factor, value * factor

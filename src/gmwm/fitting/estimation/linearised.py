@@ -16,7 +16,7 @@ from gmwm.theory.processes.model import Model
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-COLLINEAR = 1e-9
+COLLINEAR_SINGULAR_VALUE = 1e-9
 """Relative singular value of the Jacobian below which a direction is not determined (tests/inference/test_plan.py)."""
 
 
@@ -46,7 +46,7 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     axes, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
-    clear = strength > COLLINEAR * strength.max(initial=0.0)
+    clear = strength > COLLINEAR_SINGULAR_VALUE * strength.max(initial=0.0)
     gain = np.zeros(weighted.shape[::-1])
     gain[seen] = (right[clear].T / strength[clear]) @ axes[:, clear].T / length[seen, None]
     lost = ~seen
@@ -59,7 +59,7 @@ def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
     columns."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
-    clear = strength > COLLINEAR * strength.max(initial=0.0)
+    clear = strength > COLLINEAR_SINGULAR_VALUE * strength.max(initial=0.0)
     taken = axes[:, clear].T @ left
     return float(left @ left - taken @ taken), int(np.count_nonzero(clear))
 

@@ -26,9 +26,9 @@ from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
-LARGEST = 1.0
+LARGEST_MODEL_ERROR = 1.0
 """Largest error; a model that is wrong by a factor of two is useless (tests/inference/test_model_error.py)."""
-IMPLAUSIBLE = 0.01
+COARSE_TEST_SIZE = 0.01
 """Significance level of the test of the coarse levels of one fit. It is 1 % because a unit has several axes."""
 
 
@@ -46,7 +46,7 @@ class RelativeMisfit(FrozenArrays, Documented):
     tau: float
 
 
-MANY = 30.0
+JUDGED_FREEDOM = 30.0
 """Degrees of freedom above which a level is judged. The relative standard error of the level is then below 26 %."""
 
 
@@ -56,7 +56,7 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
     error = np.sqrt(2 / wv.degrees_of_freedom)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(wv.variance > 0, fit.implied / np.where(wv.variance > 0, wv.variance, 1.0) - 1, 0.0)
-    judged = (wv.degrees_of_freedom > MANY) & (wv.variance > 0)
+    judged = (wv.degrees_of_freedom > JUDGED_FREEDOM) & (wv.variance > 0)
     beyond = np.where(judged, np.sqrt(np.maximum(distance**2 - error**2, 0.0)), 0.0)
     worst = int(np.argmax(beyond))
     count = max(int(np.count_nonzero(judged)), 1)
@@ -67,14 +67,14 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
     )  # fmt: skip
 
 
-def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def implausible_levels(fit: Fit, size: float = COARSE_TEST_SIZE) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Return a mask (J,) of the coarse levels, with at most 30 degrees of freedom, that differ from the model by more
     than chance explains, by chi-square tests with the probability `size` of at least one marked level."""
     from scipy.special import gammainc, gammaincc
 
     wv = fit.wavelet_variance
     design = Design.of(wv)
-    coarse = (design.degrees_of_freedom <= MANY) & (fit.implied > 0) & (wv.variance > 0)
+    coarse = (design.degrees_of_freedom <= JUDGED_FREEDOM) & (fit.implied > 0) & (wv.variance > 0)
     if not np.any(coarse):
         return np.zeros(len(wv), dtype=np.bool_)
     freedom = 2 * fit.implied**2 / np.where(coarse, variances(fit.model, design), np.inf)
@@ -157,9 +157,9 @@ class Distance:
         if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
             return 0.0
         # Smallest error that is considered. It is far below the relative standard error of any level.
-        low, high = 1e-5, LARGEST
+        low, high = 1e-5, LARGEST_MODEL_ERROR
         if self.statistic(high) > self.freedom:
-            return LARGEST
+            return LARGEST_MODEL_ERROR
         for _ in range(24):
             middle = float(np.sqrt(low * high))
             low, high = (middle, high) if self.statistic(middle) > self.freedom else (low, middle)

@@ -150,7 +150,7 @@ def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter:
 
 @lru_cache(maxsize=64)
 def _unit_shape(process: Process, levels: tuple[int, ...], rate: float, filter: WaveletFilter) -> Vector:
-    shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
+    shape = np.asarray(process.moments(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
     if not np.any(shape > 0):
         raise ModelError(
             f"the wavelet variance of {process} ({process.title.lower()}) is zero at {rate:g} Hz under the filter "

@@ -29,11 +29,11 @@ from gmwm.theory.processes.parameter import Parameter
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-SURE = 0.002
+DIFFERENCE_PVALUE = 0.002
 """p-value of a difference that the parameters do not describe; the same as for the error in `selection.search`."""
-LONGEST = 5.0
+LONGEST_SHAPE_STEP = 5.0
 """Largest step of the logarithm of a shape; recordings that need a larger one do not determine the parameter."""
-LEVEL = 0.95
+EQUAL_WIDTH_LEVEL = 0.95
 """Confidence level at which both kinds of intervals for the mean of recordings have the same width."""
 
 
@@ -89,7 +89,7 @@ class Deviations(FrozenArrays):
         informed = information > 0
         half = half_widths(self.values.T[informed], self.variances.T[informed])
         added = np.zeros(informed.size)
-        width2 = (half / NormalDist().inv_cdf((1 + LEVEL) / 2)) ** 2
+        width2 = (half / NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2)) ** 2
         added[informed] = np.sqrt(np.maximum(width2 - 1 / information[informed], 0.0))
         return np.asarray(self.correlation * np.outer(added, added))
 
@@ -98,10 +98,10 @@ def half_widths(x: Matrix, s2: Matrix) -> Vector:
     """Return the half widths (m,) of the 95 % intervals of the means of m samples of n values `x` with variances `s2`
     (m, n)."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
-    half = NormalDist().inv_cdf((1 + LEVEL) / 2) * alone.error
+    half = NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2) * alone.error
     several = alone.count > 1
     if np.any(several):
-        low, high = confidence_of_mean(x[several], s2[several], LEVEL)
+        low, high = confidence_of_mean(x[several], s2[several], EQUAL_WIDTH_LEVEL)
         half[several] = np.maximum(half[several], (high - low) / 2)
     return np.asarray(half)
 
@@ -197,7 +197,7 @@ def _error_between(parts: list[_RecordingData]) -> float:
         return total, freedom * (1 - 1 / len(parts))
 
     statistic, freedom = rest(0.0)
-    if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= SURE:
+    if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= DIFFERENCE_PVALUE:
         return 0.0
     # Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples.
     low, high = 1e-6, 1.0
@@ -230,4 +230,4 @@ def step_parameter(parameter: Parameter, value: float, share: float) -> float:
         low, high = parameter.limits
         half, place = (high - low) / 2, (2 * value - low - high) / (high - low)
         return low + half * (1 + math.tanh(math.atanh(place) + share * value / half / (1 - place * place)))
-    return value * math.exp(max(min(share, LONGEST), -LONGEST))
+    return value * math.exp(max(min(share, LONGEST_SHAPE_STEP), -LONGEST_SHAPE_STEP))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
+from gmwm.base.frames import Tabular
 from gmwm.base.kinds import Document
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark
@@ -68,7 +69,7 @@ class Diagnostics(Documented):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit(Documented, Plotted, KalmanMethods):
+class Fit(Documented, Plotted, Tabular, KalmanMethods):
     """Model that was fitted to a wavelet variance.
 
     Attributes
@@ -195,6 +196,18 @@ class Fit(Documented, Plotted, KalmanMethods):
         regression: Regression | None = self.wavelet_variance.regression
         return regression
 
+    @property
+    def without_lags(self) -> Fit:
+        """Fit with the wavelet variances alone, for plots of a fit that has moments at lags."""
+        wanted = self.wavelet_variance.levels > 0
+        if np.all(wanted):
+            return self
+        return replace(
+            self, wavelet_variance=self.wavelet_variance.without_lags, implied=self.implied[wanted],
+            decomposition={term: curve[wanted] for term, curve in self.decomposition.items()},
+            weighting_matrix=self.weighting_matrix[np.ix_(wanted, wanted)],
+        )  # fmt: skip
+
     def units(self) -> dict[str, str]:
         """Return the unit of every parameter, by name."""
         return self.model.units(self.wavelet_variance.unit)
@@ -259,7 +272,9 @@ class Fit(Documented, Plotted, KalmanMethods):
 
         return budget({self.wavelet_variance.axis: self}, duration, rest=rest, level=level)
 
-    def to_frame(self, level: float = 0.95) -> DataFrame:
+    coordinates = ("parameter",)
+
+    def to_polars(self, level: float = 0.95) -> DataFrame:
         """Return the estimates as a Polars data frame with the columns parameter, value, low, high and unit.
 
         Parameters

@@ -16,7 +16,7 @@ from gmwm.measuring.variance.api import variances_alone
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.processes.model import Model
 
-BATCH = 1 << 17
+DRAWN_SAMPLES = 1 << 17
 """Number of samples of each process that are drawn at once. They take 1 MiB and fit into the cache, and the overhead of
 Python is small. The number must not depend on the machine, because the simulated paths depend on it."""
 
@@ -38,7 +38,7 @@ def simulated_variances(
     draws, seed = as_whole_number(draws, "draws", 1), as_whole_number(seed, "seed", 0)
     threads = as_whole_number(os.cpu_count() or 1 if threads is None else threads, "threads", 1)
     _require_simulable(model)
-    together = max(1, BATCH // design.samples)
+    together = max(1, DRAWN_SAMPLES // design.samples)
     rows = np.empty((draws, design.levels.size))
 
     def work(batch: int) -> int:
@@ -68,7 +68,8 @@ def simulated_variances(
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
     """Fill `rows` with the wavelet variances of the first paths of a batch, which is drawn completely: paths depend on
     its size."""
-    deepest, rows_of_levels = int(design.levels[-1]), design.levels - 1
+    deepest = int(design.levels[-1])
+    rows_of_levels = np.searchsorted(design.filter.numbers(deepest), design.levels)
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
         row[:] = variances_alone(

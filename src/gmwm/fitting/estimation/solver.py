@@ -30,17 +30,17 @@ from gmwm.fitting.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.fitting.estimation.variable_projection import NOISE, Curvature, Projection, ShapePoint, Surface
+from gmwm.fitting.estimation.variable_projection import ROUNDING_NOISE, Curvature, Projection, ShapePoint, Surface
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-RETURNS = 3
+MOST_SEARCHES = 3
 """Largest number of repeated searches (tests/estimation/test_arma_fits.py: two lines are both found)."""
 
-KEPT = 10
+DESCENT_STARTS = 10
 """Number of points of a scan from which descents start."""
-FOLLOWED = 3
+FOLLOWED_DESCENTS = 3
 """Number of descents that are followed to the end."""
 
 
@@ -168,9 +168,11 @@ def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> S
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     # Number of points of a scan from which descents start if the weights will change.
-    points, tried = scanned_points(problem, surface, alone, 3 if quick else KEPT)
+    points, tried = scanned_points(problem, surface, alone, 3 if quick else DESCENT_STARTS)
     previous = None if near is None or near.point is None else surface.downhill(near.point)
-    lowest = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=previous)
+    lowest = _lowest(
+        problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED_DESCENTS, known=previous
+    )
     if lowest is None:
         raise ModelError(
             f"no starting values were found for {problem.model}", advice="Write starting values into the model."
@@ -187,7 +189,7 @@ def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> S
 
 
 def _lowest(
-    problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED,
+    problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED_DESCENTS,
     known: Projection | None = None,
 ) -> tuple[int | None, Projection] | None:  # fmt: skip
     """Return the best local optimum that descents from points reach, with the index of its point, or None if the
@@ -215,7 +217,7 @@ def _lowest(
             continue
         count -= 1
         reached += [scout, optimum]
-        if best is None or not problem.as_low(best[1].objective, optimum.objective, NOISE):
+        if best is None or not problem.as_low(best[1].objective, optimum.objective, ROUNDING_NOISE):
             best = k, optimum
     return best
 
@@ -228,10 +230,10 @@ def _together(one: ShapePoint, other: ShapePoint) -> bool:
 
 def _rearrange(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """Return the optimum after each free process in turn was moved to the best points of its own scan."""
-    for _ in range(RETURNS):
+    for _ in range(MOST_SEARCHES):
         moved = list(moved_points(problem, surface, alone, best.point))
         lowest = _lowest(problem, surface, moved, known=best)
-        if lowest is None or problem.as_low(best.objective, lowest[1].objective, NOISE):
+        if lowest is None or problem.as_low(best.objective, lowest[1].objective, ROUNDING_NOISE):
             break
         best = lowest[1]
     return best
@@ -239,14 +241,14 @@ def _rearrange(problem: Problem, surface: Surface, alone: list[Alone], best: Pro
 
 def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
     """Return the optimum after another search for the curved processes with fixed shapes of the free processes."""
-    for _ in range(RETURNS if problem.curved_class is not None else 0):
+    for _ in range(MOST_SEARCHES if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
         places = search.places_of(candidates[0][1])
         point = ShapePoint(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         optimum = surface.downhill(point)
-        if optimum is None or problem.as_low(best.objective, optimum.objective, NOISE):
+        if optimum is None or problem.as_low(best.objective, optimum.objective, ROUNDING_NOISE):
             break
         best = optimum
     return best

@@ -177,7 +177,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         # Number of points of a scan of one coordinate of a single process, while the other processes do not change. It
         # is multiplied by four for each additional coordinate.
         values = _over_its_scan(free, _even(min(MOST_SCANNED, 256 * 4 ** (free.size - 1)), free.size), problem)
-        shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
+        shapes = free.kind.moments(values, problem.levels, problem.rate, problem.filter)
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
         if not able.any():
             return None
@@ -219,7 +219,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
     base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
     for free, values in zip(surface.frees, columns, strict=True):
         possible &= free.possible(values)
-        shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
+        shapes = free.kind.moments(values, problem.levels, problem.rate, problem.filter)
         possible &= np.all(np.isfinite(shapes), axis=1)
         rows = np.where(possible[:, None], shapes, 1.0) @ problem.root.T
         length = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -297,7 +297,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
                 rows[:, 1 + k] = process.value(parameter.name)
         before[kind] = (*before.get(kind, ()), rows[:, 1:])
         drawn[place] = rows
-        shapes = kind.shape(rows[:, 1:], problem.levels, problem.rate, problem.filter)
+        shapes = kind.moments(rows[:, 1:], problem.levels, problem.rate, problem.filter)
         total += rows[:, :1] * shapes
     with np.errstate(invalid="ignore"):
         distance = np.sum((1.0 - total / wv.variance) ** 2, axis=1)

@@ -217,7 +217,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     if start is not None and start.how != "convex":
         certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
-        # Largest gap of a global optimum in words, 10 times `CERTIFIED_GAP`, which the limit of nodes may exceed.
+        # Largest gap of a global optimum in words, 10 times `certified_gap`, which the limit of nodes may exceed.
         proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
         claim += " given the fixed values" if fit.model.fixed_names else ""
@@ -227,7 +227,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
     _, words = test_in_words(fit, how)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
-        f"{wv.extent}, {len(wv)} levels, "
+        f"{wv.extent}, {wv.levels_text}, "
         f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
         f"objective {fit.objective:.6g}: {certificate}",
         *([f"objective with any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),

@@ -23,7 +23,7 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-NOISE = 1e-12
+ROUNDING_NOISE = 1e-12
 """Relative difference below which two objectives are equal up to rounding."""
 _COMPLEX = 1e-30
 
@@ -174,7 +174,7 @@ class Surface:
     def _free_shapes(self, values: list[Matrix]) -> Matrix:
         problem = self.problem
         rows = [
-            free.kind.shape(row, problem.levels, problem.rate, problem.filter)
+            free.kind.moments(row, problem.levels, problem.rate, problem.filter)
             for free, row in zip(self.frees, values, strict=True)
         ]
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
@@ -215,12 +215,12 @@ class Surface:
             parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
             by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
             rows.append(
-                curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+                curved_class.moments_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
             )
         owner = list(range(len(branches)))
         for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
             values, by_z = free.with_slopes(part)
-            jacobian = free.kind.shape_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
+            jacobian = free.kind.moments_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
             rows.append((jacobian @ by_z).T)
             owner += [len(branches) + place] * free.size
         lengths = found.lengths[owner]
@@ -312,7 +312,7 @@ class Surface:
             size = float(np.abs(step).max(initial=0.0))
             # Longest Newton step that is accepted.
             trial = self.at(self.move(best.point, step)) if size < 0.3 else None
-            if trial is None or not self.problem.as_low(trial.objective, best.objective, NOISE):
+            if trial is None or not self.problem.as_low(trial.objective, best.objective, ROUNDING_NOISE):
                 if fresh:
                     break
                 curvature = None

@@ -22,10 +22,10 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 """Weighting of the levels: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
 
 
-def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
+def usual_weighting(model: Model, wv: WaveletVariance | None = None) -> Literal["diagonal", "optimal"]:
     """Return the default weighting, "optimal" if a process has several free shape parameters
-    (docs/validation/weighting.md)."""
-    several = any(
+    (docs/validation/weighting.md) or if the curve has moments at lags."""
+    several = (wv is not None and bool(np.any(wv.levels < 0))) or any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
     return "optimal" if several else "diagonal"

@@ -26,11 +26,11 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import one_of
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 
-SEEN = 0.5
+CERTAIN_ERROR = 0.5
 """Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
-LONGEST = 2**40
+LONGEST_PLAN_SAMPLES = 2**40
 """Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
-BEYOND = 1e4
+LONGEST_SEARCH_RATIO = 1e4
 """Multiple of the planned duration up to which `Plan.needed` searches."""
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
@@ -157,7 +157,7 @@ class Plan(Summarised, Plotted):
 
         It is shorter if the covariance of a process is a sum over all lags, which would take too long.
         """
-        far = min(BEYOND * self.duration, LONGEST / self.rate)
+        far = min(LONGEST_SEARCH_RATIO * self.duration, LONGEST_PLAN_SAMPLES / self.rate)
         if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
         # Number of samples up to which a covariance that is a sum over all lags takes less than a second.
@@ -227,7 +227,7 @@ class Plan(Summarised, Plotted):
         """
         lengths_needed, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
-        lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]
+        lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST_PLAN_SAMPLES / self.rate]
         columns = [self.at(t) for t in lengths]
         rows = [["parameter", "unit", "value", *map(duration_text, lengths), f"for {100 * accuracy:g} %"]]
         for name, seconds in lengths_needed.items():
@@ -247,7 +247,7 @@ class Plan(Summarised, Plotted):
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks about parameters that the planned recording does not determine."""
         planned = self.at(self.duration)
-        uncertain = [name for name, error in planned.items() if SEEN < error < math.inf]
+        uncertain = [name for name, error in planned.items() if CERTAIN_ERROR < error < math.inf]
         undetermined = [name for name, error in planned.items() if math.isinf(error)]
         duration, remarks = Quantity(self.duration, "s"), []
         if self.losses:
@@ -256,7 +256,9 @@ class Plan(Summarised, Plotted):
             remarks.append(Remark.of("plan-gaps", share=self.losses.filled, longest=longest, kind=kind))
         if uncertain:
             remarks.append(
-                Remark.of("poorly-known", case="plan", parameters=tuple(uncertain), duration=duration, seen=SEEN)
+                Remark.of(
+                    "poorly-known", case="plan", parameters=tuple(uncertain), duration=duration, seen=CERTAIN_ERROR
+                )
             )
         if undetermined:
             remarks.append(
@@ -380,7 +382,7 @@ def plan(
     free = _free(terms, rate)
     losses = PlannedGaps.of(pilot)
     longest = samples_of(duration, rate, free, losses)
-    _require_range(terms, min(int(BEYOND * longest), LONGEST), rate)
+    _require_range(terms, min(int(LONGEST_SEARCH_RATIO * longest), LONGEST_PLAN_SAMPLES), rate)
     levels = losses.design(longest, rate)[0].levels.size
     pose(terms, WaveletVariance.from_values(terms.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
     shortest = losses.shortest(1 << (free + 1))
@@ -477,19 +479,25 @@ def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NO
             got=duration,
             advice="Plan a longer recording, or use a smaller model.",
         )
-    if samples > LONGEST:
+    if samples > LONGEST_PLAN_SAMPLES:
         raise OptionError(
-            argument="duration", expected=f"at most {LONGEST / rate:.3g} s (2^40 samples at {rate:g} Hz)", got=duration
+            argument="duration",
+            expected=f"at most {LONGEST_PLAN_SAMPLES / rate:.3g} s (2^40 samples at {rate:g} Hz)",
+            got=duration,
         )
     return samples
 
 
 def as_accuracy(accuracy: float) -> float:
     """Check that a desired relative standard error is above 0 and at most 0.5, and return it."""
-    if isinstance(accuracy, bool) or not isinstance(accuracy, int | float | np.number) or not 0 < accuracy <= SEEN:
+    if (
+        isinstance(accuracy, bool)
+        or not isinstance(accuracy, int | float | np.number)
+        or not 0 < accuracy <= CERTAIN_ERROR
+    ):
         raise OptionError(
             argument="accuracy",
-            expected=f"a relative standard error above 0 and at most {SEEN:g} (0.1 for 10 %)",
+            expected=f"a relative standard error above 0 and at most {CERTAIN_ERROR:g} (0.1 for 10 %)",
             got=accuracy,
         )
     return float(accuracy)
@@ -504,4 +512,4 @@ def error_text(error: float) -> str:
     if math.isinf(error):
         return "not determined"
     shown = float(f"{100 * error:.2g}")
-    return f"{f'{shown:#.2g}'.rstrip('.')} %" if error <= SEEN else f"> {100 * SEEN:g} %"
+    return f"{f'{shown:#.2g}'.rstrip('.')} %" if error <= CERTAIN_ERROR else f"> {100 * CERTAIN_ERROR:g} %"

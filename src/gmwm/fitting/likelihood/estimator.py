@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelError
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.reporting import warn
 from gmwm.fitting.estimation import Fit, fit
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.likelihood.conditions import Regressed
@@ -142,7 +143,7 @@ def fit_ml(
         remarks = (*result.diagnostics.remarks, wrong)
         result = replace(result, diagnostics=replace(result.diagnostics, remarks=remarks))
     for remark in result.remarks:
-        warnings.warn(FitWarning(remark), stacklevel=2)
+        warn(FitWarning(remark), stacklevel=2)
     return result
 
 

@@ -21,7 +21,7 @@ from gmwm.theory.statespace import StateSpace, powers
 
 LEVEL = "level"
 """Label of the constant level of the recording, which a random walk of the model includes."""
-STEP = 0.02
+DIFFERENCE_STEP = 0.02
 """Step of sixth-order differences, with an error of about STEP⁶ = 6e-11 (tests/likelihood/test_score.py)."""
 
 
@@ -180,8 +180,8 @@ def slopes(model: Model, system: System, coordinates: Sequence[FreeCoordinate], 
             continue
         for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):
-                space = move_shape(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
-                share = sign * weight / (60.0 * STEP)
+                space = move_shape(block.process, coordinate.shape, sign * distance * DIFFERENCE_STEP).state_space(rate)
+                share = sign * weight / (60.0 * DIFFERENCE_STEP)
                 out.F[k, here, here] += share * space.F
                 out.Q[k, here, here] += share * space.Q
                 out.H[k, here] += share * space.H[0]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import OptionError
-from gmwm.measuring.covariance import filtered, gaussian, lines
+from gmwm.measuring.covariance import filtered, gaussian, lagged, lines
 from gmwm.measuring.covariance.design import Design as Design
 from gmwm.measuring.covariance.segments import pooled
 from gmwm.measuring.variance.biweight import biweight, require_robust
@@ -32,6 +32,9 @@ def covariance(model: Model, design: Design, *, diagonal: bool = False) -> Matri
         return np.asarray(design.loss_factor * covariance(model, replace(design, filled=0), diagonal=diagonal))
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment, diagonal=diagonal))
+    if design.filter.lags:
+        v = lagged.covariance(model, design, covariance(model, design.without_lags))
+        return np.diag(v).copy() if diagonal else v
     noise, waves = lines.apart(model, design)
     if noise is not model:
         own = 0.0 if noise is None else covariance(noise, design, diagonal=diagonal)

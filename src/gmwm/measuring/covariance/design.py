@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.measuring.variance.robust import FEW
+from gmwm.measuring.variance.robust import MEAN_SQUARE_COUNT
 from gmwm.measuring.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
@@ -107,7 +107,7 @@ class Design:
     @property
     def few(self) -> NDArray[np.bool_]:
         """Mask (J,) of the levels that have too few coefficients, in all segments together, for a robust estimate."""
-        return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
+        return np.asarray((self.counts if self.pooled is None else self.pooled) <= MEAN_SQUARE_COUNT)
 
     def only(self, which: NDArray[np.bool_]) -> Design:
         """Return the design with only the levels that the mask `which` (J,) selects."""
@@ -142,17 +142,23 @@ class Design:
 
         `counts` are the numbers of coefficients of all segments together.
         """
-        own = coefficient_counts(length, self.levels, self.filter, self.transform)
-        reach = int(np.count_nonzero(own > 0))
-        if reach == 0:
+        reached = self.reached(length)
+        if not reached.any():
             return None
-        return replace(
-            self, levels=self.levels[:reach], samples=length, segments=(), strides=self.strides[:reach],
-            pooled=counts[:reach], excess=None, model_error=0.0,
-        )  # fmt: skip
+        single = replace(self, excess=None).only(reached)
+        return replace(single, samples=length, segments=(), pooled=counts[reached], model_error=0.0)
+
+    def reached(self, length: int) -> NDArray[np.bool_]:
+        """Return the mask (J,) of the levels with a coefficient in a segment of a given length."""
+        return coefficient_counts(length, self.levels, self.filter, self.transform) > 0
 
     @property
     def running_sum(self) -> bool:
         """Whether the transform is the maximal-overlap Haar transform, which has second differences of a running
         sum."""
         return self.filter is HAAR and self.transform == "modwt"
+
+    @property
+    def without_lags(self) -> Design:
+        """Design of the wavelet variances alone, if the filter has lags."""
+        return replace(self.only(self.levels > 0), filter=HAAR)

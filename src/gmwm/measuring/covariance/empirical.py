@@ -7,8 +7,8 @@ coefficients that two levels have in common, as the mean over q of y_j(q) y_k(q)
 squares of the coarser level k. K therefore follows from the number M / 2^k of independent pieces of data.
 
 At levels with few independent pieces, the estimate is averaged with the Gaussian covariance of a model, which has the
-weight of `PRIOR` tapers. This model is the mixture of all processes with the largest likelihood for the measured curve.
-"""
+weight of `GAUSSIAN_TAPERS` tapers. This model is the mixture of all processes with the largest likelihood for the
+measured curve."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from gmwm.measuring.variance.transform import Transform, inner_coefficients
 from gmwm.recording.signals import Signal
 from gmwm.theory.filters import WaveletFilter
 
-PRIOR = 8.0
+GAUSSIAN_TAPERS = 8.0
 """Weight of the Gaussian covariance of the mixture, as a number of tapers. Pinned by
 tests/covariance/test_empirical.py, as are the next two constants."""
 _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
@@ -113,10 +113,10 @@ def empirical_covariance(
 
     own = np.diag(theory)
     prior = theory / np.sqrt(np.outer(own, own))
-    relative = (tapers * variance_share + PRIOR * own / curve**2) / (tapers + PRIOR)
+    relative = (tapers * variance_share + GAUSSIAN_TAPERS * own / curve**2) / (tapers + GAUSSIAN_TAPERS)
     level = drawn(variance, wv.degrees_of_freedom, curve)
     coarser = np.minimum.outer(tapers, tapers)
-    mixed = (coarser * correlation + PRIOR * prior) / (coarser + PRIOR)
+    mixed = (coarser * correlation + GAUSSIAN_TAPERS * prior) / (coarser + GAUSSIAN_TAPERS)
     np.fill_diagonal(mixed, 1.0)
     size = level * np.sqrt(relative) * unit**2
     return np.asarray(_definite(mixed, prior) * np.outer(size, size))

@@ -31,13 +31,13 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes import filtered
 from gmwm.theory.processes.model import Model
 
-LONGEST = 2**26
+LONGEST_SAMPLES = 2**26
 """Length (samples) of the longest recording, for which each of a few arrays takes half a gigabyte."""
 # tests/covariance/test_filtered.py compares the results with sums over all lags, and pins the constants below.
 OVERSAMPLED = 4
 """The covariance of a pair of levels is summed over lags that are 2^(j − OVERSAMPLED) apart, where j is the finer
 level. The spacing is smaller if V_jj would otherwise change by more than `_ALIKE`."""
-FEWEST = 2**15
+LEAST_LAGS = 2**15
 """Smallest number of positive lags in a sum, unless the recording is shorter."""
 _ALIKE = 2e-5
 """Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
@@ -95,7 +95,7 @@ class Lags:
         level = int(self.design.levels[a])
         if self.design.transform == "dwt":
             return level - 1
-        stage = max(0, min(level - OVERSAMPLED, (self.design.samples // FEWEST).bit_length() - 1))
+        stage = max(0, min(level - OVERSAMPLED, (self.design.samples // LEAST_LAGS).bit_length() - 1))
         value = self.row(a, stage, a + 1)[0] if stage else 0.0
         while stage > 0:
             finer = self.row(a, stage - 1, a + 1)[0]
@@ -196,13 +196,13 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
 
 def _signal_covariance(model: Model, design: Design) -> Vector:
     """Compute A(m) of the signal at all lags 0 … N − 1, up to a constant."""
-    if design.samples > LONGEST:
+    if design.samples > LONGEST_SAMPLES:
         present = [p for p in model.processes if p.scale > 0]
         # With filters other than Haar, this limit holds for every process.
         slow = next((p for p in present if p.memory(design.rate) is None), present[0])
         raise MissingTheoryError(
-            f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST} samples; got "
-            f"{design.samples}",
+            f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST_SAMPLES} samples; "
+            f"got {design.samples}",
             advice="Use a shorter part of the recording.",
         )
     lags = np.arange(design.samples)

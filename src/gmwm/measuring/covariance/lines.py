@@ -35,7 +35,7 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-FEW_LAGS = 2**14
+ALL_LAGS = 2**14
 """Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
 use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
 
@@ -185,7 +185,7 @@ def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:
     instead."""
     if design.transform == "dwt":
         return design.levels - 1
-    stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
+    stage = max(-(-design.samples // ALL_LAGS) - 1, 0).bit_length()
     # Smallest number of lags per period of the sinusoid for which lags may be further apart.
     if stage and abs(line.cycles) * (32 << stage) > 1:
         return np.full(design.levels.size, -1)

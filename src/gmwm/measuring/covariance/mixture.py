@@ -20,7 +20,7 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process, registry
 from gmwm.theory.processes.model import Model
 
-PRIOR = 30.0
+CURVE_FREEDOM = 30.0
 """Degrees of freedom of the smooth curve when it is averaged with a level, so that a level with one coefficient does
 not determine a fit. Pinned by tests/estimation/test_weights.py."""
 
@@ -39,8 +39,8 @@ def smoothed(wv: WaveletVariance) -> Vector:
 
 
 def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
-    """Average each observed variance with the curve, which has the weight of `PRIOR` degrees of freedom."""
-    return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
+    """Average each observed variance with the curve, which has the weight of `CURVE_FREEDOM` degrees of freedom."""
+    return np.asarray((freedom * observed + CURVE_FREEDOM * curve) / (freedom + CURVE_FREEDOM))
 
 
 def mixture(
@@ -122,12 +122,12 @@ def _candidates(
     for kind in kinds.values():
         if not kind.nonlinear_parameters():
             processes.append(kind.standard())
-            rows.append(kind.shape(np.empty((1, 0)), number, rate, filter))
+            rows.append(kind.moments(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
             # Number of correlation times of each process with a correlation time.
             places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
-            rows.append(kind.shape(places, number, rate, filter))
+            rows.append(kind.moments(places, number, rate, filter))
     shapes = np.concatenate(rows)
     seen = np.any(shapes > 0, axis=1)
     return tuple(p for p, here in zip(processes, seen, strict=True) if here), np.asarray(shapes[seen])

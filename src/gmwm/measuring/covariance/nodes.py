@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Vector
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import WANDERING, WHITE, LagGrid
+from gmwm.theory.processes.haar_covariance import WANDERING, LagGrid
 
 MOST_NODES = 800_000
 """Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
 sets."""
-END = 20.0
+SLOWEST_DECAYS = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
 kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-RECENT = 1_050_000
+MOST_CACHED = 1_050_000
 """Largest number of values that are cached for the shapes of a grid that are not fixed."""
 
 
@@ -49,12 +49,12 @@ def lags(
     memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
     # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
     # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16. The nodes
-    # are the same for all lower ends below `END` divided by the number of samples, and for all upper ends above 1/4.
+    # are the same for all lower ends below `SLOWEST_DECAYS` over the number of samples, and for upper ends above 1/4.
     ends = (0.0, 0.0)
     if sizes:
         high = math.ceil(math.log2(max(sizes)))
         high_end = 2.0 ** (high if high <= -4 else -2)
-        low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), END / design.samples)
+        low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), SLOWEST_DECAYS / design.samples)
         ends = min(low_end, high_end), high_end
     unit = 1 << max(memory.bit_length() - 3, 0)
     return _nodes(
@@ -184,7 +184,7 @@ def _kept(at: LagGrid, decay: float) -> Vector:
 
 def _forget(at: LagGrid) -> None:
     """Remove the shapes that were not used recently."""
-    for old in list(at.recent)[: -max(RECENT // at.lag.size, 1)]:
+    for old in list(at.recent)[: -max(MOST_CACHED // at.lag.size, 1)]:
         at.recent.pop(old, None)
 
 
@@ -205,7 +205,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
         # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
         # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
         fixed = _has_fixed_shape(process)
-        if not fixed and at.lag.size > RECENT // 2:
+        if not fixed and at.lag.size > MOST_CACHED // 2:
             shapes.append(process.coefficient_covariance(at, rate))
             scales.append(1.0)
             continue
@@ -240,7 +240,7 @@ def _exponential_part(process: Process, rate: float) -> tuple[float, float] | No
     ):
         return None
     decay = float(terms.decays[0].real)
-    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= WHITE else None
+    return (float(terms.amplitudes[0].real), decay) if WANDERING <= decay <= NEGLIGIBLE_EXPONENT else None
 
 
 def exponential_sum(process: Process, rate: float) -> ExponentialSum | None:

@@ -10,7 +10,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix
 from gmwm.measuring.covariance.design import Design
 
-EXACT = 64
+EXACT_LENGTHS = 64
 """Largest number of different segment lengths that are computed individually. For more lengths, results are
 interpolated."""
 
@@ -27,7 +27,7 @@ def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
         if total is None:
             total = np.zeros((counts.size,) * part.ndim)
         own = segment.counts.astype(np.float64)
-        total[tuple(slice(n) for n in part.shape)] += times * part * _outer(own, part.ndim)
+        total[np.ix_(*[design.reached(length)] * part.ndim)] += times * part * _outer(own, part.ndim)
     assert total is not None
     return np.asarray(total / _outer(counts.astype(np.float64), total.ndim))
 
@@ -43,7 +43,7 @@ def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
     # (tests/covariance/test_segments.py).
     octave = 8
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
-    if sizes.size > EXACT:
+    if sizes.size > EXACT_LENGTHS:
         steps = np.arange(octave * math.log2(sizes[0]) - 1, octave * math.log2(sizes[-1]) + 1)
         grid = np.unique(np.rint(np.exp2(np.ceil(steps) / octave)).astype(np.int64))
         nodes = np.unique(np.concatenate([sizes[[0, -1]], grid[(grid > sizes[0]) & (grid < sizes[-1])]]))

@@ -17,36 +17,44 @@ on B. If the variance varies slowly, λ increases with B. Longer blocks are used
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.measuring.variance.open_segments import LEAST, Panels
+from gmwm.measuring.variance.open_segments import LEAST_PANEL_SAMPLES, Panels
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
-BLOCK = 128
-"""Number of samples of the shortest blocks."""
-FINE = 8
-"""Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
-correlated."""
-MOST_LEVELS = 12
-"""Largest number of levels whose covariance is measured."""
-FEWEST = 24
-"""Smallest number of blocks from which a covariance is measured."""
-CHANCE = 3.5
-"""Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
-docs/validation/tails.md, as are the other constants of this module."""
-ENDS = 0.05
-"""Largest change of λ that the ends of blocks cause."""
-MATERIAL = 0.05
-"""Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
-standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
-AGREEMENT = 0.1
-"""Largest relative difference between the measured wavelet variance of a level and the wavelet variance that follows
-from the spectral density. Levels with a larger difference are not used."""
+
+@dataclass(frozen=True)
+class TailLimits:
+    """Limits of the measured covariance (tests/covariance/test_tails.py, docs/validation/tails.md)."""
+
+    block: int = 128
+    """Number of samples of the shortest blocks."""
+    least_block_in_scales: int = 8
+    """Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
+    correlated."""
+    most_levels: int = 12
+    """Largest number of levels whose covariance is measured."""
+    least_blocks: int = 24
+    """Smallest number of blocks from which a covariance is measured."""
+    chance: float = 3.5
+    """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
+    docs/validation/tails.md, as are the other constants of this module."""
+    change_by_ends: float = 0.05
+    """Largest change of λ that the ends of blocks cause."""
+    material: float = 0.05
+    """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
+    standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
+    agreement: float = 0.1
+    """Largest relative difference between the measured wavelet variance of a level and the wavelet variance that
+    follows from the spectral density. Levels with a larger difference are not used."""
+
+
+LIMITS = TailLimits()
 
 
 UNBOUNDED = ((12.0, 40.0, 100.0), (1.0, 4.0, 6.0))
@@ -61,12 +69,12 @@ class TailSums:
     samples."""
 
     def __init__(self) -> None:
-        self._panels = Panels(LEAST)
-        sizes = int(np.log2(LEAST // BLOCK)) + 1
+        self._panels = Panels(LEAST_PANEL_SAMPLES)
+        sizes = int(np.log2(LEAST_PANEL_SAMPLES // LIMITS.block)) + 1
         # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
-        self._number = np.zeros((sizes, MOST_LEVELS))
-        self._sum = np.zeros((sizes, MOST_LEVELS))
-        self._product = np.zeros((sizes, MOST_LEVELS, MOST_LEVELS))
+        self._number = np.zeros((sizes, LIMITS.most_levels))
+        self._sum = np.zeros((sizes, LIMITS.most_levels))
+        self._product = np.zeros((sizes, LIMITS.most_levels, LIMITS.most_levels))
         self._whole: list[Vector] = []
         self._power: dict[int, tuple[float, Vector]] = {}
 
@@ -90,20 +98,20 @@ class TailSums:
         gaussian, curve = _gaussian(power / number, length, number)
         own = self._sum[0] / np.maximum(self._number[0], 1.0)
         # If the spectral density does not explain a level, leakage or a trend is larger than the noise.
-        known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= AGREEMENT
+        known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= LIMITS.agreement
         resolved = known.size if np.all(known) else int(np.argmin(known))
         shapes = _shapes(wv)
         best, found = 1.0, None
         for block, blocks, covariance in self._covariances():
-            reach = int(np.log2(min(block, length) // FINE))
-            reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= FEWEST))), len(wv))
+            reach = int(np.log2(min(block, length) // LIMITS.least_block_in_scales))
+            reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= LIMITS.least_blocks))), len(wv))
             if reach < 2:
                 continue
             n = float(blocks[reach - 1])
             relative = block * covariance[:reach, :reach] / np.outer(own[:reach], own[:reach])
             factor, ratio = _common_factor(relative, gaussian[:reach, :reach], shapes[:reach])
-            edge = 1 + CHANCE * np.sqrt(2 / n) + ENDS
-            if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > MATERIAL:
+            edge = 1 + LIMITS.chance * np.sqrt(2 / n) + LIMITS.change_by_ends
+            if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
                 best, found = ratio, factor
         if found is None:
             return None
@@ -112,12 +120,12 @@ class TailSums:
         return np.asarray(widened * np.outer(found, found) / wv.samples)
 
     def _add(self, panel: Vector) -> None:
-        levels = min(MOST_LEVELS, int(np.log2(max(panel.size // BLOCK, 1))))
-        count = (panel.size - (1 << levels)) // BLOCK
+        levels = min(LIMITS.most_levels, int(np.log2(max(panel.size // LIMITS.block, 1))))
+        count = (panel.size - (1 << levels)) // LIMITS.block
         if levels < 1 or count < 1:
             return
         y = _block_means(panel, levels, count)
-        if count == (LEAST - (1 << MOST_LEVELS)) // BLOCK:
+        if count == (LEAST_PANEL_SAMPLES - (1 << LIMITS.most_levels)) // LIMITS.block:
             self._whole.append(y.mean(axis=0))
         for size in range(self._sum.shape[0]):
             self._number[size, :levels] += y.shape[0]
@@ -140,11 +148,11 @@ class TailSums:
             pairs = np.minimum.outer(number[size], number[size])
             own = self._sum[size] / number[size]
             covariance = self._product[size] / pairs - np.outer(own, own)
-            out.append((BLOCK << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
-        y = np.array(self._whole).reshape(-1, MOST_LEVELS)
-        block = LEAST
-        while y.shape[0] >= FEWEST:
-            out.append((block, np.full(MOST_LEVELS, y.shape[0]), np.cov(y.T)))
+            out.append((LIMITS.block << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
+        y = np.array(self._whole).reshape(-1, LIMITS.most_levels)
+        block = LEAST_PANEL_SAMPLES
+        while y.shape[0] >= LIMITS.least_blocks:
+            out.append((block, np.full(LIMITS.most_levels, y.shape[0]), np.cov(y.T)))
             y, block = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2]), 2 * block
         return out
 
@@ -193,7 +201,7 @@ def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
     """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
     # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
     y = np.empty((count, levels))
-    _core.haar_block_squares(_core.running_sum(panel), BLOCK, y)
+    _core.haar_block_squares(_core.running_sum(panel), LIMITS.block, y)
     return y
 
 
@@ -220,7 +228,7 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
     """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of Gaussian noise and ν_j², at the levels that segments resolve,
     from `power`, the mean of `number` periodograms of segments of `length` samples."""
-    levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
+    levels = min(LIMITS.most_levels, int(np.log2(length // LIMITS.least_block_in_scales)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
     sine = np.sin(np.pi * frequency * half)

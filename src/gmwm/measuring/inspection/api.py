@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, find_unit
+from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.jumps import jumps_of
@@ -50,7 +52,7 @@ def inspect(
 
     Parameters
     ----------
-    recording : Imu or Stream
+    recording : Imu, Stream or data frame
         A recording in memory, or a stream. A stream is read twice in bounded memory, or once if it has at most 2.1
         million samples. It is read once more if the axes are regressed on conditions.
     against : "auto", "none", str or mapping
@@ -84,12 +86,26 @@ def inspect(
     >>> found.axes["gyro_x"].lsb, found.knocks[0].time
     (0.001, 30.0)
     """
+    recording = as_recording(recording)
     if not isinstance(recording, Imu | Streamed):
         raise _not_a_recording(recording)
     one_of(repeated, "repeated", ("auto", "keep"))
     parts = repaired(recording) if repeated == "auto" else (recording,)
     asked = Asked.of(against)
-    return combined([inspect_with(part, Conditions.of_recording(part, asked)) for part in parts])
+    return combined(with_gravity([inspect_with(part, Conditions.of_recording(part, asked)) for part in parts]))
+
+
+def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
+    """Return the inspections of the parts of one recording, with the gravity in the first one if the accelerometers are
+    in several parts."""
+    axes = {axis: item for part in inspections for axis, item in part.axes.items()}
+    if len(inspections) < 2 or any(part.gravity is not None for part in inspections):
+        return inspections
+    gravity, _ = _specific_force(axes)
+    positions = any(remark.facts.get("case") == "positions" for part in inspections for remark in part.remarks)
+    remarks = findings.of_gravity(None if positions else gravity)
+    first, *others = inspections
+    return [replace(first, gravity=gravity, remarks=(*first.remarks, *remarks)), *others]
 
 
 def inspect_with(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
@@ -232,7 +248,7 @@ class RecordingStatistics:
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
-            *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
+            *(remark for remark in self._remarks if not findings.is_made_again(remark)),
         )  # fmt: skip
         segments = len(extent.segments)
         return Inspection(
@@ -352,18 +368,24 @@ def _without_steps(
     ]  # fmt: skip
 
 
+def _specific_force(axes: Mapping[str, AxisInspection]) -> tuple[float | None, Vector]:
+    """Return the norm of the mean specific force (m/s²), and the mean; None without three accelerometers."""
+    names = ("accel_x", "accel_y", "accel_z")
+    if any(axis not in axes or axes[axis].unit != SI_UNIT["accel"] for axis in names):
+        return None, np.zeros(3)
+    mean = np.array([axes[axis].mean for axis in names])
+    return float(np.linalg.norm(mean)), mean
+
+
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int, still: NDArray[np.bool_]
 ) -> tuple[float | None, float | None, float]:
     """Return the norm of the mean specific force (m/s²), its largest turn (°) in the windows that are `still`, and that
     of noise alone (°)."""
+    norm, mean = _specific_force(axes)
+    if not norm:
+        return norm, None, 0.0
     names = ("accel_x", "accel_y", "accel_z")
-    if any(axis not in statistics or axes[axis].unit != SI_UNIT["accel"] for axis in names):
-        return None, None, 0.0
-    mean = np.array([axes[axis].mean for axis in names])
-    norm = float(np.linalg.norm(mean))
-    if norm == 0:
-        return 0.0, None, 0.0
     windows = np.column_stack([statistics[axis].windows.means for axis in names])
     across = np.linalg.norm(np.cross(windows, mean / norm), axis=1)
     tilt = float(np.degrees(np.max(np.arctan2(across, windows @ mean / norm)[still], initial=0.0)))

@@ -11,19 +11,19 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.regression.against import WARM_UP, Asked
-from gmwm.measuring.regression.covariates import HOUR, Covariates
-from gmwm.measuring.regression.least_squares import COLLINEAR, NoiseMixtures, RegressionDesign, Weighted
+from gmwm.measuring.regression.covariates import HOUR_S, Covariates
+from gmwm.measuring.regression.least_squares import COLLINEAR_CONDITION, NoiseMixtures, RegressionDesign, Weighted
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
-FOLLOWS = 0.05
+TEMPERATURE_PVALUE = 0.05
 """With the automatic choice, the temperature is used if the p-value of its F test is below this level."""
-FURTHER = 0.01
+COLUMN_PVALUE = 0.01
 """The automatic choice adds a column if the p-value of its t test is below this level."""
-DIFFERS = 4.0
+DIFFERENT_ERRORS = 4.0
 """A remark is made if the coefficients from long scales and from all scales differ by more than this number of standard
 errors of the former."""
 OPTIMISM = 2.0
@@ -49,7 +49,7 @@ def regress_axis(
     if automatic:
         regression = (
             replace(regression, applied=False)
-            if regression.pvalue >= FOLLOWS
+            if regression.pvalue >= TEMPERATURE_PVALUE
             else _extend(regression, means, covariates)
         )
     return replace(regression, coarse=_coarse(regression, means, covariates.having(regression.terms)))
@@ -71,7 +71,7 @@ def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tu
     (name, *_) = regression
     coefficient, long = regression[name], other[name]
     # The coefficient from all scales is efficient, so the difference has a smaller variance than the other coefficient.
-    differ = abs(long.value - coefficient.value) > DIFFERS * long.error
+    differ = abs(long.value - coefficient.value) > DIFFERENT_ERRORS * long.error
     if not differ or abs(long.value) < abs(coefficient.value):
         return None
     return long.value, long.error, clock.length * 2**first / clock.rate
@@ -89,7 +89,7 @@ def _extend(regression: Regression, means: Vector, covariates: Covariates) -> Re
         except DataError:
             continue
         new = "temperature lag" if "lag" in change else f"temperature^{change['degree']}"
-        if wider[new].pvalue < FURTHER:
+        if wider[new].pvalue < COLUMN_PVALUE:
             regression = wider
     return regression
 
@@ -117,7 +117,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     counts = clock.counts()[present]
     inside = clock.length.bit_length() - 1
     name = covariates.basis.terms[0].name
-    at = covariates.means.get(name, clock.times / HOUR)
+    at = covariates.means.get(name, clock.times / HOUR_S)
     points = Points(at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present]))
     tau, tau_error = solved.tau, None
     if tau is not None:
@@ -148,7 +148,8 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
-    design = RegressionDesign(covariates.matrix(tau), present, whole)
+    offsets = covariates.own_offsets
+    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
     # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
     unknown = covariates.unknown_levels
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
@@ -164,15 +165,15 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
-            design = RegressionDesign(covariates.matrix(tau), present, whole)
+            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
         weighted = design.under(weights)
-        if weighted.condition > COLLINEAR:
+        if weighted.condition > COLLINEAR_CONDITION:
             names = ", ".join(column.name for column in covariates.basis.columns)
             raise DataError(
                 f"the columns {names} describe nearly the same course in this recording, so that their effects cannot "
                 "be separated",
                 argument="against",
-                advice="Use fewer of them.",
+                advice="Use fewer of them, or leave `offsets` out." if offsets else "Use fewer of them.",
             )
         beta = weighted.estimate(means)
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
@@ -190,7 +191,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
 
     def gain(tau: float) -> float:
         columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
-        under = RegressionDesign(columns, design.present, design.whole).under(weights)
+        under = RegressionDesign(columns, design.present, design.whole, design.offsets).under(weights)
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.time_base import begins_of
-from gmwm.recording.batches import BATCH
+from gmwm.recording.batches import BATCH_SAMPLES
 
-BLOCKS = 4096
+LEAST_BLOCKS = 4096
 """Smallest number of blocks, if the recording has at least as many samples. Standard errors then differ by less than
 0.1 % from those with all samples (docs/validation/regression.md)."""
-CLIPPED = 8.0
+CLIPPED_AT = 8.0
 """Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
 a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
 
@@ -23,7 +23,7 @@ a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples.""
 def usual_length(samples: int, end: int) -> int:
     """Return the number of samples in a block, for `samples` samples and `end` with the missing samples in gaps."""
     # Largest number of blocks including those in gaps. It limits the memory for a recording with long gaps.
-    return 1 << max(int(max(samples // BLOCKS, end // (1 << 17))).bit_length() - 1, 0)
+    return 1 << max(int(max(samples // LEAST_BLOCKS, end // (1 << 17))).bit_length() - 1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class BlockClock:
     def of(
         cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
     ) -> BlockClock:
-        """Divide a recording into at least `BLOCKS` blocks, or into blocks of a given length."""
+        """Divide a recording into at least `LEAST_BLOCKS` blocks, or into blocks of a given length."""
         begins = begins_of(rate, segments, starts)
         offsets, end = [], 0
         for begin, (first, last) in zip(begins, segments, strict=True):
@@ -113,9 +113,9 @@ class BlockClock:
     def means(self, values: Vector, *, clipped: bool = False) -> Vector:
         """Return the mean of the samples in each block; 0 for empty blocks. If `clipped`, without outlying samples."""
         sums = np.zeros(self.blocks)
-        for first in range(0, values.size, BATCH):
-            part = self.part(first, min(first + BATCH, values.size)) if values.size > BATCH else self
-            part_sums = part.sums(values[first : first + BATCH], clipped=clipped)
+        for first in range(0, values.size, BATCH_SAMPLES):
+            part = self.part(first, min(first + BATCH_SAMPLES, values.size)) if values.size > BATCH_SAMPLES else self
+            part_sums = part.sums(values[first : first + BATCH_SAMPLES], clipped=clipped)
             sums[: part_sums.size] += part_sums
         return self.mean_of(sums)
 
@@ -142,7 +142,7 @@ class BlockClock:
         return sums
 
     def clip(self, values: Vector) -> Vector:
-        """Return the values with samples clipped that are far from the median of their block; see `CLIPPED`."""
+        """Return the values with samples clipped that are far from the median of their block; see `CLIPPED_AT`."""
         spread, out = self._usual_spread(values), values.copy()
         for first, last, place in self.places():
             head = min((-place) % self.length, last - first)
@@ -202,13 +202,13 @@ class BlockClock:
 
 def _clip(rows: Matrix, spread: float) -> Matrix:
     """Clip samples that are far from the median of their block. Each row is a block."""
-    far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
+    far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED_AT * spread)
     if not far.size:
         return rows
     out = rows.copy()
     middle = np.median(rows[far], axis=1, keepdims=True)
     # 1.4826 times the median distance is the standard deviation of Gaussian noise.
     spreads = 1.4826 * np.median(np.abs(rows[far] - middle), axis=1, keepdims=True)
-    reach = CLIPPED * np.maximum(spreads, spread)
+    reach = CLIPPED_AT * np.maximum(spreads, spread)
     out[far] = np.clip(rows[far], middle - reach, middle + reach)
     return out

@@ -11,13 +11,13 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import times_of
-from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
+from gmwm.measuring.regression.against import OFFSETS, TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
-KNOWN = 10.0
+LEAST_COVARIATE_RATIO = 10.0
 """A scale is used if the wavelet variance of the covariate is at least this number times that of its reading error. The
 error makes a coefficient from all used scales too small by less than 1 % (docs/validation/regression.md)."""
 
@@ -94,7 +94,9 @@ class Covariates:
         at = clock.times
         references, ranges = {}, {}
         for term in terms:
-            covariate = means.get(term.name, at / HOUR if term.name == TIME else at)
+            if term.name == OFFSETS:
+                continue
+            covariate = means.get(term.name, at / HOUR_S if term.name == TIME else at)
             low, high = float(np.min(covariate[present])), float(np.max(covariate[present]))
             # The reference is rounded to three digits of the range, so that it is a short number in reports.
             digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
@@ -112,6 +114,11 @@ class Covariates:
     def unknown_levels(self) -> int:
         """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
         return max(self.lowest - self.clock.length.bit_length(), 0)
+
+    @property
+    def own_offsets(self) -> bool:
+        """Whether every part of the recording without a gap has an offset of its own."""
+        return any(term.name == OFFSETS for term in self.basis.terms)
 
     def having(self, terms: tuple[CovariateTerm, ...]) -> Covariates:
         """Return the same covariates with other terms (forms of their effects)."""
@@ -193,10 +200,10 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """Return the finest level at which the wavelet variance of a covariate is `KNOWN` times that of its reading error.
-    Each reading may be held for several samples. At longer scales, the reading error is white, so its wavelet variance
-    decreases with the scale. The total variance decreases until the changes of the covariate dominate. Without noise,
-    the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
+    """Return the finest level at which the wavelet variance of a covariate is `LEAST_COVARIATE_RATIO` times that of its
+    reading error. Each reading may be held for several samples. At longer scales, the reading error is white, so its
+    wavelet variance decreases with the scale. The total variance decreases until the changes of the covariate dominate.
+    Without noise, the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
     curve = wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
@@ -207,7 +214,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
         return None
     at = np.arange(curve.size)
     error = np.maximum(1 / 12 * step**2, curve[valley] * 2.0 ** (valley - at))
-    passed = (curve >= KNOWN * error) & (at > valley)
+    passed = (curve >= LEAST_COVARIATE_RATIO * error) & (at > valley)
     return int(np.argmax(passed)) + 1 if np.any(passed) else None
 
 
@@ -245,7 +252,7 @@ def _usual_run(values: Vector) -> float:
     return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)
 
 
-HOUR = 3600.0
+HOUR_S = 3600.0
 _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 
@@ -281,7 +288,7 @@ class Basis:
         parts = []
         for term in self.terms:
             if term.name == name:
-                points_or_times = points * HOUR if name == TIME else points
+                points_or_times = points * HOUR_S if name == TIME else points
                 parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
                 parts += [np.zeros((points.size, 1))] * term.lag
             else:
@@ -289,11 +296,13 @@ class Basis:
         return np.hstack(parts)
 
     def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
+        if term.name == OFFSETS:
+            return np.empty((times.size, 0))
         if term.name == WARM_UP:
             assert tau is not None
             decay = np.exp(-times / tau)
             return np.column_stack([decay, times / tau * decay])
-        covariate = values / HOUR if term.name == TIME else values
+        covariate = values / HOUR_S if term.name == TIME else values
         offsets = covariate - self.references[term.name]
         columns = [offsets**power for power in range(1, term.degree + 1)]
         if term.knots:
@@ -307,6 +316,8 @@ class Basis:
 
 def _columns(term: CovariateTerm) -> list[Column]:
     name, unit = term.name, term.unit
+    if name == OFFSETS:
+        return []
     if name == WARM_UP:
         return [Column(name, name), Column(f"{name} tau", name)]
     columns = [Column(name, name, unit)]

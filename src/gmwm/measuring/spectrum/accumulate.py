@@ -15,10 +15,10 @@ from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
 from gmwm.recording.options import one_of
 
-ENOUGH = 15
+ENOUGH_BLOCKS = 15
 """Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
 standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
-FOLD = 1 << 18
+BUFFERED_SAMPLES = 1 << 18
 """Number of samples that are buffered before they are processed."""
 
 
@@ -120,13 +120,13 @@ class SpectrumAccumulator(OneAtATime):
         x = as_vector(chunk, "chunk", at_least=0)
         if not x.size:
             return
-        large = x.size >= FOLD
+        large = x.size >= BUFFERED_SAMPLES
         if large:
             self._fold()
         # A small chunk is copied, because its owner may change it before it is processed.
         self._waiting.append(x if large else x.copy())
         self._size += x.size
-        if self._size >= FOLD:
+        if self._size >= BUFFERED_SAMPLES:
             self._fold()
 
     @one_at_a_time
@@ -179,7 +179,7 @@ class SpectrumAccumulator(OneAtATime):
         longest = max(self._segments, default=0)
         # Smallest number of samples without a gap, three blocks of the shortest length.
         least = 64 if self.length is None else self.length
-        lengths = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH]
+        lengths = [n for n, sums in self._sums.items() if sums.blocks >= ENOUGH_BLOCKS]
         length = max(lengths) if lengths else max(self._sums, key=lambda n: (self._sums[n].blocks, n))
         sums = self._sums[length]
         if longest < least or not sums.blocks:
@@ -234,13 +234,13 @@ class SpectrumAccumulator(OneAtATime):
             if part.blocks:
                 fresh = _PeriodogramSums(part, part.blocks - 1, first, first + (part.blocks - 1) * half)
                 self._sums[n] = sums.followed_by(fresh, half)
-            if self._sums[n].blocks >= ENOUGH:
+            if self._sums[n].blocks >= ENOUGH_BLOCKS:
                 break
         self._drop_shorter()
 
     def _drop_shorter(self) -> None:
         """Remove the sums for lengths that are shorter than the longest length with enough blocks."""
-        enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH), default=0)
+        enough = max((n for n, sums in self._sums.items() if sums.blocks >= ENOUGH_BLOCKS), default=0)
         self._sums = {n: sums for n, sums in self._sums.items() if n >= enough}
 
     def _join(self, following: SpectrumAccumulator) -> SpectrumAccumulator:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class PowerSpectrum(Documented, Summarised, Plotted):
+class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
     """Power spectral density of a signal by Welch's method, with confidence limits, lines and bumps.
 
     Attributes
@@ -163,7 +164,9 @@ class PowerSpectrum(Documented, Summarised, Plotted):
 
         return detectable_amplitude(self, frequency, power)
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("frequency",)
+
+    def to_polars(self) -> DataFrame:
         """Return a Polars data frame with the columns frequency, density, lower, upper and degrees_of_freedom."""
         from polars import DataFrame
 

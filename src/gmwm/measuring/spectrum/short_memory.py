@@ -16,22 +16,22 @@ from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 """Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
 resonances (tests/spectrum/test_short_memory.py)."""
-HIGHEST = 10
+HIGHEST_ORDER = 10
 """Largest order p or q."""
-SURE = 0.05
+LARGEST_ERROR_AT_ZERO = 0.05
 """Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""
 POLE, ZERO = 0.987, 1 - 1e-6
 """Largest moduli of poles and zeros. A pole of 0.987 is 0.4 % of the sampling rate wide and has a memory of 2000
 samples, the most that the covariance supports. A zero must be inside the unit circle."""
-FLAT = 0.25
+LARGEST_BEND = 0.25
 """Largest absolute logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
 data. A resonance at four times the lowest frequency changes it by 0.13; the data support no larger step."""
-FLOOR = 1e-4
+STOP_BAND = 1e-4
 """Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs."""
-KNOWN = 2.0
+FACTOR_PRIOR = 2.0
 """Prior standard deviation of the logarithm of the factor on the known part. Its slow terms come from a fit without
 this shape, and may be wrong by a factor of several (docs/validation/sensors.md)."""
-LIKELY = 0.01
+LEAST_ORDER_WEIGHT = 0.01
 """Smallest weight for which a process of another order is reported in addition to the best process."""
 _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
 
@@ -89,8 +89,8 @@ def short_memory(
     least = 1e-3 * plateau * (np.sin(angles[0] / 2) / np.sin(angles / 2)) ** 2
     # Relative error that is added to every density, so that a few precise frequencies do not determine the shape.
     data = _Data.of(
-        angles, known=np.maximum(known, least), floor=FLOOR * plateau,
-        logs=np.log(density + FLOOR * plateau) - _log_bias(degrees_of_freedom),
+        angles, known=np.maximum(known, least), floor=STOP_BAND * plateau,
+        logs=np.log(density + STOP_BAND * plateau) - _log_bias(degrees_of_freedom),
         weights=1 / (2 / degrees_of_freedom + 0.005**2),
     )  # fmt: skip
     white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
@@ -100,23 +100,23 @@ def short_memory(
     each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
     best = _free(data, before)
     moved = _score(before, price) - _score(best, price) > price
-    near = _score(before, price) - 2 * math.log(LIKELY)
+    near = _score(before, price) - 2 * math.log(LEAST_ORDER_WEIGHT)
     others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
     tried = _supportable(data, (best, *(_free(data, point) for point in others)))
     if moved:
         tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
-    sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+    sure = [point for point in tried if _error_at_zero(point, data) <= LARGEST_ERROR_AT_ZERO]
     if not sure:
         # The best orders do not determine the density at 0; smaller orders do.
         tried = _supportable(data, (_free(data, point) for point in each))
-        sure = [point for point in tried if _error_at_zero(point, data) <= SURE]
+        sure = [point for point in tried if _error_at_zero(point, data) <= LARGEST_ERROR_AT_ZERO]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
     return _report(data, chosen, _alternatives(data, chosen, sure, price))
 
 
 def _supportable(data: _Data, points: Iterable[_ArmaPoint]) -> list[_ArmaPoint]:
     """Return the points whose density does not change much between the lowest frequency of the data and 0."""
-    return [point for point in points if abs(_bend(data, point)) <= FLAT]
+    return [point for point in points if abs(_bend(data, point)) <= LARGEST_BEND]
 
 
 def _free(data: _Data, point: _ArmaPoint) -> _ArmaPoint:
@@ -128,7 +128,7 @@ def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool) -> list[_
     """Add roots to the best process repeatedly; return all processes that were tried."""
     tried = [best]
     while True:
-        orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST and best.b.size + m[1] <= HIGHEST]
+        orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST_ORDER and best.b.size + m[1] <= HIGHEST_ORDER]
         candidates = [_best_start(data, best, more, free=free) for more in orders]
         candidates = _supportable(data, candidates)
         tried += candidates
@@ -179,7 +179,7 @@ class _Data:
     @classmethod
     def of(cls, angles: Vector, *, known: Vector, logs: Vector, weights: Vector, floor: float) -> _Data:
         """Return the data at frequencies `angles`, in radians per sample."""
-        phases = np.outer(np.arange(1, HIGHEST + 1), angles)
+        phases = np.outer(np.arange(1, HIGHEST_ORDER + 1), angles)
         return cls(np.array([np.cos(phases), -np.sin(phases)]), angles, np.array([known, logs, weights]), floor)
 
     @property
@@ -242,7 +242,7 @@ class _ArmaPoint:
     @cached_property
     def loss(self) -> float:
         """Weighted sum of squares, with the prior of `slow`."""
-        loss = float(self.data.weights @ self.residuals**2) + (self.slow / KNOWN) ** 2
+        loss = float(self.data.weights @ self.residuals**2) + (self.slow / FACTOR_PRIOR) ** 2
         return loss if math.isfinite(loss) else math.inf
 
     @cached_property
@@ -264,7 +264,7 @@ def _descend(
     factor on the known part is fitted too."""
     parameters = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
-        data.waves, data.rows, floor=data.floor, prior=KNOWN, p=a.size, free=free, steps=steps, near=1e-4,
+        data.waves, data.rows, floor=data.floor, prior=FACTOR_PRIOR, p=a.size, free=free, steps=steps, near=1e-4,
         parameters=parameters,
     )  # fmt: skip
     (inner_a, gain_a), (inner_b, gain_b) = (
@@ -290,7 +290,7 @@ def _error_at_zero(point: _ArmaPoint, data: _Data) -> float:
 def _scatter(point: _ArmaPoint, data: _Data) -> Matrix:
     """Return the covariance (2 + p + q, 2 + p + q) of the errors of `scale`, `a`, `b` and `slow`."""
     root = np.sqrt(data.weights)[:, None] * point.jacobian
-    root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / KNOWN)])
+    root = np.vstack([root, np.append(np.zeros(root.shape[1] - 1), 1 / FACTOR_PRIOR)])
     length = np.linalg.norm(root, axis=0)
     length[length == 0] = 1.0
     # Roots that cancel make the normal equations singular; the pseudo-inverse leaves these directions out.
@@ -352,8 +352,8 @@ def _add_roots(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 def _alternatives(
     data: _Data, chosen: _ArmaPoint, tried: Sequence[_ArmaPoint], price: float
 ) -> tuple[Alternative, ...]:
-    """Return the best process of each other order with a weight of at least `LIKELY`. The weight is proportional to
-    exp(−d/2), with d the information criterion minus that of the chosen process."""
+    """Return the best process of each other order with a weight of at least `LEAST_ORDER_WEIGHT`. The weight is
+    proportional to exp(−d/2), with d the information criterion minus that of the chosen process."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     score = _score(chosen, price, spread)
@@ -362,7 +362,7 @@ def _alternatives(
     return tuple(
         Alternative(phi=-point.a, theta=point.b.copy(), density=point.density, weight=weights[at] / total)
         for at, point in best.items()
-        if point is not chosen and weights[at] >= LIKELY * total
+        if point is not chosen and weights[at] >= LEAST_ORDER_WEIGHT * total
     )
 
 

@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from gmwm.base.errors import GmwmError
+from gmwm.base.extras import library
 from gmwm.base.threads import INTERRUPT_CHECK
 from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
-from gmwm.measuring.streaming.scheduling import connect, library
+from gmwm.measuring.streaming.scheduling import connect
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
@@ -35,7 +36,7 @@ from gmwm.recording.signals import Signal
 if TYPE_CHECKING:
     from distributed import Client
 
-PART_MEMORY = 64 << 20
+PART_BYTES = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
 RETRIES = 2
 """Number of retries of a part after an error that is not caused by the content of the file."""
@@ -44,9 +45,9 @@ G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
 def part_levels(axes: int) -> int:
-    """Return the default number of exact levels, for results of workers of at most `PART_MEMORY` bytes."""
+    """Return the default number of exact levels, for results of workers of at most `PART_BYTES` bytes."""
     # The result has the samples at both ends: 16 bytes for each of 2^exact samples.
-    return exact_levels(axes, PART_MEMORY, 16)
+    return exact_levels(axes, PART_BYTES, 16)
 
 
 def measure_in_parts(
@@ -163,7 +164,7 @@ class _Crew:
         done: Callable[[int], None] | None, prepare: Callable[[Batch], Batch] | None,
     ) -> None:  # fmt: skip
         self._client, self._done, self._changes, self._prepare, self._samples = client, done, changes, prepare, 0
-        self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
+        self._source, self._dask, self._distributed = stream.source, import_module("dask"), library("distributed")
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
             # With several parts for each thread, a slow worker does not delay the others much.

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import logging
 import tempfile
-import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.errors import GmwmError, GmwmWarning, MissingDependencyError, OptionError
+from gmwm.base.errors import GmwmError, GmwmWarning, OptionError
+from gmwm.base.extras import library
 from gmwm.base.remarks import Remark
+from gmwm.base.reporting import warn
 from gmwm.base.threads import processors
 
 if TYPE_CHECKING:
     from distributed import Client
 
-PATIENCE = 10
+SCHEDULER_WAIT_S = 10
 """Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
@@ -35,7 +36,7 @@ def connect(scheduler: str | Client | None = None, workers: int | None = None) -
     Traceback (most recent call last):
     gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
     """
-    distributed = library()
+    distributed = library("distributed")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
     if scheduler is not None and workers is not None:
@@ -68,18 +69,6 @@ def _quiet() -> Iterator[None]:
         logger.disabled = before
 
 
-def library() -> Any:
-    """Import the package distributed."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingDependencyError(
-            "several processes or machines need Dask, which is not installed",
-            advice="Install it with `pip install 'gmwm[dask]'`.",
-        ) from error
-    return distributed
-
-
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
     """Start a scheduler here, and workers with one thread each, which limits Polars to one thread too."""
     try:
@@ -105,7 +94,7 @@ def _client(distributed: Any, address: object) -> Any:
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = distributed.Client(address, timeout=SCHEDULER_WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise OptionError(
             f"the scheduler at {address} does not answer ({error})",
@@ -113,5 +102,5 @@ def _client(distributed: Any, address: object) -> Any:
             advice="Start one with `dask scheduler`, workers with `dask worker ADDRESS`, or leave {--scheduler} out.",
         ) from error
     if not client.scheduler_info(n_workers=-1)["workers"]:
-        warnings.warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
+        warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
     return client

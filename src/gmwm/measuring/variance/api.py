@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
-from gmwm.base.errors import DataError
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
+from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.axis_results import rate_of_array, signals_of
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.biweight import require_robust
@@ -24,7 +24,7 @@ from gmwm.measuring.variance.coefficients import (
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
-from gmwm.measuring.variance.robust import RobustVariances, robust_variances
+from gmwm.measuring.variance.robust import RobustVariances, robust_variances, unrejected
 from gmwm.measuring.variance.transform import (
     Transform,
     as_level_count,
@@ -174,13 +174,19 @@ def wavelet_variance(
         )  # fmt: skip
     levels = as_level_count(levels, deepest, n)
 
-    numbers = np.arange(1, levels + 1, dtype=np.int64)
+    numbers = wavelet.numbers(levels)
+    if wavelet.lags:
+        _require_lags(wavelet, transform, robust=robust, longest=n)
     counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
+    excess: Matrix | None = None
     if robust:
         _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
-        variance, diagnostics["robust"] = estimate.variance, estimate.diagnostics
+        variance, diagnostics["robust"] = estimate.variance, dict(estimate.diagnostics)
+        classical = _classical(segments, wavelet, transform, levels)[0]
+        if (lost := unrejected(variance, classical, eta, efficiency)) is not None:
+            diagnostics["robust"]["unrejected"], excess = lost
         slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:
@@ -194,7 +200,7 @@ def wavelet_variance(
         levels=numbers, variance=variance, lower=lower, upper=upper, counts=counts, rate=rate, samples=sum(lengths),
         unit="" if signal is None else signal.unit, axis="" if signal is None else signal.axis, confidence=confidence,
         filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency if robust else None, slope=slope,
-        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (), filled=filled,
+        diagnostics=diagnostics, excess=excess, segments=lengths if len(lengths) > 1 else (), filled=filled,
         rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
     )  # fmt: skip
 
@@ -213,6 +219,9 @@ def _classical(
 ) -> tuple[Vector, list[float]]:
     """Compute the mean square of all coefficients at each level, and the mean rises of segments from the Haar
     kernel."""
+    if filter.lags:
+        variance, rises = _classical(segments, HAAR, transform, levels)
+        return np.concatenate([lag_moments(segments, filter.lags[::-1]), variance]), rises
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     estimates, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):
@@ -229,6 +238,33 @@ def _classical(
         total[: numbers_used.size] += numbers_used * variance
         counts[: numbers_used.size] += numbers_used
     return np.asarray(total / counts), rises
+
+
+def _require_lags(filter: WaveletFilter, transform: Transform, *, robust: bool, longest: int) -> None:
+    """Raise OptionError if the moments at lags cannot be estimated."""
+    if robust or transform != "modwt":
+        raise OptionError(
+            argument="filter", expected="without lags for a robust estimate and for the decimated transform",
+            got=filter.name,
+        )  # fmt: skip
+    if longest < filter.lags[-1] + 2:
+        raise OptionError(
+            argument="filter", expected=f"lags up to {longest - 2}, because {longest} samples are without a gap",
+            got=filter.name,
+        )  # fmt: skip
+
+
+def lag_moments(segments: Sequence[Vector], lags: Sequence[int]) -> Vector:
+    """Compute the mean squares (L,) of (W_{1,t} + W_{1,t−l})/√2 at lags l, with Haar coefficients W_1 of level 1."""
+    squares, counts = np.zeros(len(lags)), np.zeros(len(lags))
+    for segment in segments:
+        coefficients = np.diff(segment) / 2.0
+        for k, lag in enumerate(lags):
+            if coefficients.size > lag:
+                both = coefficients[lag:] + coefficients[:-lag]
+                squares[k] += both @ both / 2.0
+                counts[k] += both.size
+    return squares / counts
 
 
 def _robust(

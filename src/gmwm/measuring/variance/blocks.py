@@ -51,9 +51,9 @@ class StatisticsCollector(Protocol):
         """Return the statistics of no coefficients."""
 
 
-STEPS = 64
+BLOCKS_OF_SCALE = 64
 """Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
-_KEPT = STEPS - 1
+_KEPT = BLOCKS_OF_SCALE - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +157,12 @@ def block_statistics(
     blocks: Vector, step: int, collector: StatisticsCollector | None
 ) -> tuple[float, int, LevelStatistic | None, float]:
     """Compute `squares`, `count`, `part` and `resolution` of `Blocks` from the sums of consecutive blocks."""
-    count = blocks.size - STEPS + 1
+    count = blocks.size - BLOCKS_OF_SCALE + 1
     if count < 1:
         return 0.0, 0, _empty(collector, step), 0.0
-    half = STEPS // 2
+    half = BLOCKS_OF_SCALE // 2
     sums = np.concatenate([[0.0], np.cumsum(blocks - blocks.mean())])
-    w = sums[STEPS:] - 2.0 * sums[half:-half] + sums[:-STEPS]
+    w = sums[BLOCKS_OF_SCALE:] - 2.0 * sums[half:-half] + sums[:-BLOCKS_OF_SCALE]
     if collector is None:
         return float(w @ w), count, None, 0.0
     level = _level(step)
@@ -172,7 +172,7 @@ def block_statistics(
 
 
 def _level(step: int) -> int:
-    return (STEPS * step).bit_length() - 1
+    return (BLOCKS_OF_SCALE * step).bit_length() - 1
 
 
 def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic | None:

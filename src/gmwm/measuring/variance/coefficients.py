@@ -32,7 +32,7 @@ class CoefficientSource(Protocol):
     def median(self, k: int) -> float:
         """Return the exact median of |W| at level k + 1. Only the values near the median of a sample are stored."""
         count = int(self.counts[k])
-        sample = np.sort(self.sample(k, SAMPLE))
+        sample = np.sort(self.sample(k, SAMPLED_COEFFICIENTS))
         if sample.size < count:
             around = 3 * math.isqrt(sample.size)
             low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
@@ -48,7 +48,7 @@ class CoefficientSource(Protocol):
         """Return the largest |W| that can be a rounding error."""
 
 
-SAMPLE = 2048
+SAMPLED_COEFFICIENTS = 2048
 """Number of coefficients of a level that are used for the first search for the root and for the median."""
 
 
@@ -62,7 +62,7 @@ def require_digits(x: Vector) -> None:
     # Largest distance of a value from the median, relative to the median of these distances. With larger values, the
     # rounding error of the running sum exceeds 1e-4 of a typical coefficient.
     limit = 2.0**38
-    sample = x[:: max(1, x.size // SAMPLE)]
+    sample = x[:: max(1, x.size // SAMPLED_COEFFICIENTS)]
     middle = float(np.median(sample))
     largest = max(float(x.max()) - middle, middle - float(x.min()))
     sizes = np.abs(sample - middle)

@@ -22,20 +22,20 @@ from gmwm.recording.signals import Signal
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-EXACT = 14
+EXACT_LEVELS = 14
 """Default number of levels at which an accumulator uses every coefficient."""
 LEAST_EXACT = 6
 """Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
 MOST_EXACT = 24
 """Largest number of exact levels."""
-DEEPEST = 44
+MOST_LEVELS = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
-MEMORY = 1 << 29
+MEMORY_BYTES = 1 << 29
 """Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
 at 100 Hz; for more samples, 21 levels are exact."""
-PANEL = 1 << 20
+PANEL_SAMPLES = 1 << 20
 """Largest number of samples that are processed together."""
-LARGE = 1 << 18
+UNCOPIED_SAMPLES = 1 << 18
 """Number of samples from which a chunk is processed without a copy."""
 
 
@@ -50,7 +50,7 @@ class SegmentedAccumulator(OneAtATime):
         self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
     ) -> None:
         self.exact = whole(exact, "exact", LEAST_EXACT, MOST_EXACT)
-        self.levels = whole(levels, "levels", 1, DEEPEST)
+        self.levels = whole(levels, "levels", 1, MOST_LEVELS)
         self.start = whole(start, "start", 0, 1 << 62)
         self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
         # `_first` is the first segment after a gap has closed it, `_last` is the open segment, and `_squares`,
@@ -101,7 +101,7 @@ class SegmentedAccumulator(OneAtATime):
         samples are kept."""
         with self._lock:
             # The checks of a small chunk in Python take three times as long as its sums.
-            if not (self._usual and self._held.inbox.append(chunk, LARGE - 1)):
+            if not (self._usual and self._held.inbox.append(chunk, UNCOPIED_SAMPLES - 1)):
                 self._add(chunk)
 
     @one_at_a_time
@@ -201,10 +201,10 @@ class SegmentedAccumulator(OneAtATime):
         """Add samples after all checks."""
         x = as_vector(chunk, "chunk", at_least=0)
         self._require_usable(x)
-        room = self.held if self.holds_all else PANEL
+        room = self.held if self.holds_all else PANEL_SAMPLES
         if len(self._held) + x.size > room:
             self._fold()
-        if x.size > room or (x.size >= LARGE and not self.holds_all):
+        if x.size > room or (x.size >= UNCOPIED_SAMPLES and not self.holds_all):
             self._grow(x)
         elif x.size:
             self._held.add(x)
@@ -215,7 +215,7 @@ class SegmentedAccumulator(OneAtATime):
         for values in parts:
             self._require_usable(values)
         if not self._panel.size:
-            self._panel = np.empty(PANEL)
+            self._panel = np.empty(PANEL_SAMPLES)
         self._usual = self._collector is None
         held, self._held = self._held, HeldSamples(self._panel)  # a segment keeps no sample of the panel
         for k, values in enumerate(parts):
@@ -237,8 +237,8 @@ class SegmentedAccumulator(OneAtATime):
 
     def _grow(self, x: Vector) -> None:
         """Add samples to the open segment."""
-        for k in range(0, x.size, PANEL):
-            part = x[k : k + PANEL]
+        for k in range(0, x.size, PANEL_SAMPLES):
+            part = x[k : k + PANEL_SAMPLES]
             if self._last is None:
                 self._last = SegmentState.of(
                     part, self.stop, exact=self.exact, levels=self.levels, collector=self._collector
@@ -258,7 +258,7 @@ class SegmentedAccumulator(OneAtATime):
         self._rises += float(segment.count) ** 2 * segment.rise
 
 
-def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = 40) -> int:
+def exact_levels(axes: int, memory: int = MEMORY_BYTES, sample_bytes: int = 40) -> int:
     """Return the largest number of exact levels for which the accumulators of all axes need at most `memory` bytes.
 
     >>> exact_levels(6), exact_levels(1)
@@ -273,7 +273,7 @@ def held_samples(axes: int) -> int:
     >>> held_samples(6)
     8388608
     """
-    return 1 << ((MEMORY // (8 * axes)).bit_length() - 1)
+    return 1 << ((MEMORY_BYTES // (8 * axes)).bit_length() - 1)
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:
@@ -283,7 +283,7 @@ def whole(value: int, name: str, least: int, most: int) -> int:
     return int(value)
 
 
-LEAST = 1 << 17
+LEAST_PANEL_SAMPLES = 1 << 17
 """Smallest number of samples of a panel."""
 
 
@@ -293,7 +293,7 @@ def panel_length(rate: float) -> int:
     >>> panel_length(100.0), panel_length(4000.0)
     (131072, 524288)
     """
-    return max(LEAST, 1 << max(int(np.ceil(np.log2(128.0 * rate))), 0))
+    return max(LEAST_PANEL_SAMPLES, 1 << max(int(np.ceil(np.log2(128.0 * rate))), 0))
 
 
 class Panels:

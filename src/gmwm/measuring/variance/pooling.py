@@ -17,7 +17,7 @@ from gmwm.measuring.variance.transform import pooled_counts
 from gmwm.theory.filters import find_filter
 
 Number = TypeVar("Number", np.float64, np.int64)
-SLOWER = 1e-3
+SAME_RATE_DIFFERENCE = 1e-3
 """Largest relative difference of the sampling rates. Real clocks differ by 1e-5; 1e-3 changes the wavelet variance by
 at most 0.3 %."""
 
@@ -41,7 +41,7 @@ def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
     lengths = tuple(n for wv in items for n in (wv.segments or (wv.samples,)))
     levels = max(items, key=len).levels[: _reach(items)]
     total, _ = pooled_counts(lengths, levels, find_filter(first.filter), first.transform)
-    shares = [_counts(wv, levels.size) / total for wv in items]
+    shares = [_counts(wv, levels) / total for wv in items]
     samples = sum(wv.samples for wv in items)
     rate = sum(wv.samples * wv.rate for wv in items) / samples
     curve = replace(
@@ -86,7 +86,7 @@ def _require_alike(curves: Mapping[str, WaveletVariance]) -> None:
         ):
             if value != other_value:
                 raise _differ(what, f"{value} in recording {first}", f"{other_value} in recording {name}")
-        if abs(other.rate / curve.rate - 1) > SLOWER:
+        if abs(other.rate / curve.rate - 1) > SAME_RATE_DIFFERENCE:
             rates = f"{curve.rate:g} Hz in recording {first}", f"{other.rate:g} Hz in recording {name}"
             raise _differ("sampling rate", *rates)
 
@@ -106,17 +106,17 @@ def _reach(items: list[WaveletVariance]) -> int:
     """Return the number of levels of the pooled curve: those of the longest curve, up to a level that another curve
     lacks. A curve lacks a level that its length allows if, for example, a regression left it out. The covariance of
     segments requires the coefficients of every segment that is long enough."""
-    reach = max(map(len, items))
+    levels = max(items, key=len).levels
+    reach = levels.size
     for wv in items:
-        if len(wv) < reach and _counts(wv, reach)[len(wv)] > 0:
+        if len(wv) < reach and _counts(wv, levels)[len(wv)] > 0:
             reach = len(wv)
     return reach
 
 
-def _counts(wv: WaveletVariance, levels: int) -> Vector:
-    """Return the number of coefficients (levels,) that the length of a recording allows at each level."""
-    every = np.arange(1, levels + 1)
-    counts, _ = pooled_counts(wv.segments or (wv.samples,), every, find_filter(wv.filter), wv.transform)
+def _counts(wv: WaveletVariance, levels: NDArray[np.int64]) -> Vector:
+    """Return the number of coefficients (J,) that the length of a recording allows at each level."""
+    counts, _ = pooled_counts(wv.segments or (wv.samples,), levels, find_filter(wv.filter), wv.transform)
     return np.asarray(counts, dtype=np.float64)
 
 

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
-from gmwm.base.text import Summarised
+from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults, rate_words
 from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.robust import LARGE_SHARE
 from gmwm.measuring.variance.transform import (
     Transform,
     coefficient_counts,
@@ -37,13 +39,13 @@ _OUTCOMES = {"mad": "robust-coarse", "mean": "robust-coarse", "zero": "robust-to
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class WaveletVariance(Documented, Summarised, Plotted):
+class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
     ----------
     levels : (J,) int array
-        Levels j, from 1.
+        Levels j, from 1. The level −l is the moment of the lag l, if the filter has lags; see `gmwm.fit`.
     variance, lower, upper : (J,) arrays, in unit²
         Estimates and confidence limits.
     counts : (J,) int array
@@ -142,8 +144,15 @@ class WaveletVariance(Documented, Summarised, Plotted):
 
     @property
     def scales(self) -> NDArray[np.int64]:
-        """Scales τ_j = 2^j (samples)."""
-        return np.int64(1) << self.levels
+        """Scales τ_j = 2^j (samples), and l + 1 for the level −l of a lag."""
+        return np.where(self.levels < 0, 1 - self.levels, np.int64(1) << np.maximum(self.levels, 0))
+
+    @property
+    def without_lags(self) -> WaveletVariance:
+        """Wavelet variance without the autocovariances of first differences at lags."""
+        if not np.any(self.levels < 0):
+            return self
+        return replace(self._at(np.flatnonzero(self.levels > 0)), filter="haar")
 
     @property
     def tau(self) -> Vector:
@@ -174,6 +183,12 @@ class WaveletVariance(Documented, Summarised, Plotted):
     def longest(self) -> int:
         """Length of the longest segment without a gap (samples)."""
         return max(self.segments, default=self.samples)
+
+    @property
+    def levels_text(self) -> str:
+        """Number of levels and of lags as text, for example "12 levels and 8 lags"."""
+        lags = int(np.count_nonzero(self.levels < 0))
+        return f"{len(self) - lags} levels" + (f" and {counted(lags, 'lag')}" if lags else "")
 
     @property
     def extent(self) -> str:
@@ -265,7 +280,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
         levels = self.levels.tolist()
         if (
             not levels
-            or levels[0] < 1
+            or not {j for j in levels if j < 1} <= {-lag for lag in find_filter(self.filter).lags}
             or levels != sorted(set(levels))
             or levels[-1] > 62
             or 1 << levels[-1] > self.samples
@@ -298,6 +313,11 @@ class WaveletVariance(Documented, Summarised, Plotted):
             levels = tuple(int(j) for j, result in zip(self.levels, outcomes, strict=False) if result == outcome)
             if levels:
                 remarks.append(Remark.of(code, self.axis, case=outcome, levels=levels))
+        shares = self.diagnostics.get("robust", {}).get("unrejected", [])
+        if shares and max(shares) >= LARGE_SHARE:
+            worst = shares.index(max(shares))
+            tau, share = Quantity(float(self.tau[worst]), "s"), 100 * shares[worst]
+            remarks.append(Remark.of("outliers-found", self.axis, case="unrejected", tau=tau, share=share))
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(
@@ -308,11 +328,13 @@ class WaveletVariance(Documented, Summarised, Plotted):
         ]
         return tuple(dict.fromkeys([*remarks, *others]))
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("level",)
+
+    def to_polars(self) -> DataFrame:
         """Return the curve as a Polars data frame with one row for each level.
 
         >>> import gmwm
-        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_frame().columns
+        >>> gmwm.wavelet_variance([0.0, 1.0] * 8, rate=10.0).to_polars().columns
         ['level', 'tau', 'variance', 'lower', 'upper', 'coefficients', 'degrees_of_freedom']
         """
         from polars import DataFrame
@@ -327,7 +349,7 @@ class WaveletVariance(Documented, Summarised, Plotted):
     def summary(self) -> str:
         """Format a table of the scale, the variance, its limits and the number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
-        name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
+        name = self.filter.capitalize() if self.filter.startswith("haar") else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
         lines = [
             f"{title}{' of ' + self.axis if self.axis else ''}: {self.extent}",
@@ -408,7 +430,7 @@ def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class WaveletVariances(AxisResults[WaveletVariance]):
+class WaveletVariances(AxisResults[WaveletVariance], Tabular):
     """Wavelet variances of the axes of one recording, as a mapping of axis to `WaveletVariance`.
 
     Parameters
@@ -427,11 +449,13 @@ class WaveletVariances(AxisResults[WaveletVariance]):
     curves: Mapping[str, WaveletVariance]
     noun = "wavelet variance"
 
-    def to_frame(self) -> DataFrame:
+    coordinates = ("axis", "level")
+
+    def to_polars(self) -> DataFrame:
         """Return the curves as a Polars data frame with one row for each axis and level."""
         from polars import concat, lit
 
-        return concat([curve.to_frame().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
+        return concat([curve.to_polars().select(lit(axis).alias("axis"), "*") for axis, curve in self.items()])
 
     def summary(self) -> str:
         """Format one table for each sensor, with the variance of each axis at every scale."""

@@ -57,10 +57,10 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
     return RiseSums(number=values.size, time=time + middle, value=mean, times2=times2, product=product)
 
 
-KEPT = 8192
+MOST_STORED = 8192
 """Largest number of stored values. If there are more, every second value is dropped."""
-ROW = 256
-_ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
+ROW_VALUES = 256
+_ROW_SUMS = np.column_stack([np.arange(ROW_VALUES, dtype=np.float64), np.ones(ROW_VALUES)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class ThinnedValues:
     @classmethod
     def of(cls, x: Vector, start: int) -> ThinnedValues:
         """Return the thinned values of a part that begins with sample `start`."""
-        every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
+        every = 1 << max(0, (x.size // MOST_STORED).bit_length() - 1)
         before = -start % every
         return cls(every, start + before, x[before::every].copy())._thin(every)
 
@@ -86,9 +86,9 @@ class ThinnedValues:
         return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thin(every)
 
     def _thin(self, every: int) -> ThinnedValues:
-        """Keep every `every`-th sample, and fewer if more than `KEPT` values remain."""
+        """Keep every `every`-th sample, and fewer if more than `MOST_STORED` values remain."""
         first, values, distance = self.first, self.values, self.every
-        while distance < every or values.size > KEPT:
+        while distance < every or values.size > MOST_STORED:
             odd = first // distance % 2
             first, values, distance = first + odd * distance, values[odd::2].copy(), 2 * distance
         return ThinnedValues(distance, first, values)
@@ -125,10 +125,10 @@ class WinsorisedRise:
         values = x - self.middle
         np.clip(values, -self.reach, self.reach, out=values)
         # Process row by row to compute the sums of x and of t x in one pass.
-        rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
-        remainder = values[rows.shape[0] * ROW :]
+        rows = values[: values.size // ROW_VALUES * ROW_VALUES].reshape(-1, ROW_VALUES) @ _ROW_SUMS
+        remainder = values[rows.shape[0] * ROW_VALUES :]
         total = float(rows[:, 1].sum()) + float(remainder.sum())
-        moment = float(rows[:, 0].sum() + ROW * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
+        moment = float(rows[:, 0].sum() + ROW_VALUES * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
         moment += float(np.arange(x.size - remainder.size, x.size, dtype=np.float64) @ remainder)
         begin = float(start - self.edges[k]) - 0.5 * (float(self.edges[k + 1] - self.edges[k]) - 1.0)
         return float(self.weights[k]) * (moment + begin * total)

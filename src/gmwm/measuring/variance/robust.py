@@ -16,14 +16,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.arrays import Matrix, Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.measuring.variance.coefficients import SAMPLE, CoefficientSource, PlainCoefficients
+from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS, CoefficientSource, PlainCoefficients
 
-TOLERANCE = 1e-11
+LOG_TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
-FEW = 2
+MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
+
+LARGE_SHARE = 0.25
+"""Share of unrejected outliers in a robust variance from which a remark says that the curve must not be used. Pinned by
+tests/variance/test_unrejected.py."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
 """Method of a level: "root" of the equation; "mad", (MAD / 0.67449)², without a root; "mean" of one or two squares;
@@ -77,6 +81,35 @@ def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> Robu
     return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
 
 
+def unrejected(
+    robust: Vector, classical: Vector, freedom: Vector, efficiency: float
+) -> tuple[list[float], Matrix] | None:  # fmt: skip
+    """Estimate the share of isolated outliers in robust variances that the estimate does not reject, because several of
+    them fall into each of its coefficients. Return this share (J,) and its relative covariance (J, J); None if there
+    are no outliers, or if they do not matter.
+
+    Isolated outliers are white, so that they add (ν̂₁² − ν̃₁²) 2^{1−j} to level j of the classical curve ν̂². The excess
+    of the robust curve ν̃² over the classical one without them is the share b_j that it does not reject. The error u_j
+    of the first level has the same effect as outliers that are too small to be detected. Relative to ν̃², both grow by
+    2 from level to level beside strong quantization. `freedom` (J,) are degrees of freedom of the classical curve."""
+    if not (np.all(robust > 0) and np.all(freedom > 0)):
+        return None
+    # Relative error of the difference between an efficient and a robust estimate (Hausman 1978, Econometrica 46, 1251).
+    spread = np.sqrt((1 / efficiency - 1) * 2 / freedom)
+    first = classical[0] / robust[0] - 1
+    white = robust[0] / robust * 2.0 ** -np.arange(robust.size)
+    # A robust variance can also be too small, if it rejects coefficients of the noise beside the outliers.
+    share = np.minimum(np.abs(1 - classical / robust + first * white), 1.0)
+    # White noise with heavy tails has a share as well, 0.5 with three degrees of freedom, but it is not quantization.
+    clear = (share > 2 * spread) & (freedom > 30) & ((white > 4) | (share > 0.75))
+    share, error = np.where(clear, share, 0.0), np.where(freedom > 30, np.minimum(spread[0] * white, 1.0), 0.0)
+    if first <= 3 * spread[0] or max(np.max(share), np.max(error)) < 0.05:
+        return None
+    # Standard errors of the logarithm: a variance of which the share b are outliers is 1/(1 − b) times too large.
+    bias = -np.log1p(-np.minimum(share, 0.95))
+    return share.tolist(), np.outer(bias, bias) + np.outer(error, error)
+
+
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
     """Compute the robust variance of zero-mean coefficients (M,), the square of Tukey's biweight M-estimate of scale.
 
@@ -94,7 +127,7 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
 
 def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
     """Search the root of a level on a sample of its coefficients. The result is final if the sample has all of them."""
-    sample = source.sample(k, SAMPLE)
+    sample = source.sample(k, SAMPLED_COEFFICIENTS)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
     level = _RootSearch(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
@@ -103,7 +136,7 @@ def _first(source: CoefficientSource, k: int, tuning: Biweight) -> _RootSearch:
         level.zeros = source.between(k, resolution, resolution)[0] / count
     if level.zeros == 1:
         level.outcome = "zero"
-    elif count <= FEW:
+    elif count <= MEAN_SQUARE_COUNT:
         level.start, level.outcome = float(np.mean(sample**2)), "mean"
     else:
         _search(level, sample, resolution=resolution, complete=complete, tuning=tuning)
@@ -126,7 +159,7 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
     if not 0 < level.start < math.inf:
         return
     criterion = _on_sample(level, sample, tuning)
-    tolerance = TOLERANCE / 10 if complete else 1e-3
+    tolerance = LOG_TOLERANCE / 10 if complete else 1e-3
     root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
     if root is None:
         result = scan(criterion, tolerance)
@@ -174,7 +207,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
     place = np.array([level.place for level in levels])
     before: tuple[Vector, Vector, Vector] | None = None
     # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
-    fine = active & (source.counts / stride >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
+    fine = active & (source.counts / stride >= SAMPLED_COEFFICIENTS * 2.0 ** np.arange(1, len(levels) + 1))
     # Two or three passes are typical. `_settle` solves a level that has not converged.
     for number in range(-int(fine.any()), 8):
         if not active.any():
@@ -191,7 +224,7 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
         here = (place, value, slope)
         step, error = (step, 10 * step**2) if before is None else _interpolate(before, here, step)
         before, place = here, place + np.where(falls, step, 0.0)
-        done = falls & (error < TOLERANCE)
+        done = falls & (error < LOG_TOLERANCE)
         for k, level in enumerate(levels):
             if active[k]:
                 level.passes, level.place = number + 1, float(place[k])
@@ -224,10 +257,10 @@ def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biwei
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:
-        result = scan(criterion, TOLERANCE)
+        result = scan(criterion, LOG_TOLERANCE)
         root, level.passes = result.root, level.passes + result.evaluations
     for peak in level.peaks:
-        root, count = root_beyond(criterion, peak, TOLERANCE)
+        root, count = root_beyond(criterion, peak, LOG_TOLERANCE)
         level.passes += count
         if root is not None:
             break

@@ -18,7 +18,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweight, scan
-from gmwm.measuring.variance.coefficients import SAMPLE
+from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import WinsorisedRise
@@ -29,7 +29,7 @@ from gmwm.measuring.variance.sketch import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
-DOUBT = 0.01
+DOUBTFUL_CRITERION = 0.01
 """Threshold for the maximum of the criterion and for its slope at the root, relative to a. Below it, only one of sketch
 and exact coefficients may have a root, so the second pass collects the sums for both cases."""
 
@@ -124,13 +124,13 @@ def sum_request(sketched: SketchCoefficients, estimate: RobustVariances, efficie
     """Choose, from the sketches of the first pass, the sums that the second pass collects."""
     tuning, levels = biweight(efficiency), len(sketched.counts)
     limits, low, high = np.zeros((3, levels))
-    stored = sketched.counts <= SAMPLE
+    stored = sketched.counts <= SAMPLED_COEFFICIENTS
     for k in np.flatnonzero(~stored).tolist():
         outcome, variance = estimate.diagnostics["outcome"][k], float(estimate.variance[k])
         place: float | None = variance
         if outcome != "root":
             place = _nearest(sketched, k, tuning)
-        elif criterion_of(sketched, k, variance, tuning)(0.0)[1] > -DOUBT * tuning.a:
+        elif criterion_of(sketched, k, variance, tuning)(0.0)[1] > -DOUBTFUL_CRITERION * tuning.a:
             outcome = "mad"
         if place is not None and 0 < tuning.c**2 * place < math.inf:
             limits[k] = tuning.c**2 * place
@@ -153,7 +153,7 @@ def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Bi
 
 def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
     """Return σ² at the maximum of the criterion of a level without a root; None if this maximum is far below 0."""
-    sample = sketched.sample(k, SAMPLE)
+    sample = sketched.sample(k, SAMPLED_COEFFICIENTS)
     nonzero = sample[sample > sketched.resolution(k)]
     origin = float(np.median(nonzero)) ** 2 if nonzero.size else 0.0
     if not 0 < origin * math.exp(-REACH) <= origin * math.exp(REACH) < math.inf:
@@ -166,7 +166,7 @@ def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | 
     places = np.linspace(middle - REACH / 30, middle + REACH / 30, 41)
     values = np.array([criterion(float(place))[0] for place in places])
     best = int(np.argmax(values))
-    return origin * math.exp(float(places[best])) if values[best] > -DOUBT * tuning.a else None
+    return origin * math.exp(float(places[best])) if values[best] > -DOUBTFUL_CRITERION * tuning.a else None
 
 
 class Corrected:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
 
-FINEST = 8
+LEAST_OMITTED_BITS = 8
 """Smallest number of low-order bits that a cell omits. A cell is therefore at least 2^-44 of the value wide."""
-MOST = 1 << 17
+MOST_CELLS = 1 << 17
 """Largest number of cells of a level."""
 
 
@@ -23,14 +23,16 @@ class MedianCells:
     cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits in
     ascending order, and `counts` the numbers of |W|."""
 
-    shift: int = FINEST
+    shift: int = LEAST_OMITTED_BITS
     cells: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @classmethod
     def of(cls, sizes: Vector) -> MedianCells:
         """Count nonnegative numbers in cells."""
-        return cls(FINEST, *np.unique(sizes.view(np.int64) >> FINEST, return_counts=True))._few()
+        return cls(
+            LEAST_OMITTED_BITS, *np.unique(sizes.view(np.int64) >> LEAST_OMITTED_BITS, return_counts=True)
+        )._few()
 
     def merge(self, other: MedianCells) -> MedianCells:
         """Add the counts of two sets of coefficients."""
@@ -47,9 +49,9 @@ class MedianCells:
         return MedianCells(shift, cells, np.insert(counts, places[~shared], b.counts[~shared]))._few()
 
     def _few(self) -> MedianCells:
-        """Widen the cells until there are at most `MOST`."""
+        """Widen the cells until there are at most `MOST_CELLS`."""
         cells = self
-        while cells.cells.size > MOST:
+        while cells.cells.size > MOST_CELLS:
             cells = cells._coarsen(cells.shift + 1)
         return cells
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Vector
-from gmwm.measuring.variance.blocks import STEPS, Blocks, Statistics, StatisticsCollector, blocks_of
+from gmwm.measuring.variance.blocks import BLOCKS_OF_SCALE, Blocks, Statistics, StatisticsCollector, blocks_of
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class SegmentState:
     def of(cls, x: Vector, start: int, exact: int, levels: int, collector: StatisticsCollector | None = None) -> Self:
         """Build the state of a segment of at least one sample."""
         reference, reach = float(x[0]), (1 << exact) - 1
-        steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
+        steps = [(1 << level) // BLOCKS_OF_SCALE for level in range(exact + 1, max(levels, exact + 1) + 1)]
         nothing = np.empty(0)
         squares, sums, statistics = _sums_of(nothing, x, reference, start=start, exact=exact, collector=collector)
         return cls(
@@ -166,7 +166,7 @@ class SegmentState:
             raise ValueError(f"a segment must have a row of blocks for each level above {exact}, up to {levels}")
         for level, row in enumerate(table.tolist(), start=exact + 1):
             part = slice(at, at + int(row[-1]))
-            blocks.append(Blocks.restore((1 << level) // STEPS, row, heads[part], tails[part]))
+            blocks.append(Blocks.restore((1 << level) // BLOCKS_OF_SCALE, row, heads[part], tails[part]))
             at = part.stop
         statistics: Statistics | None = None
         if f"{prefix}bins" in values:
@@ -201,7 +201,7 @@ def _sums_of(
 ) -> tuple[Vector, Vector, Statistics | None]:
     """Return Σ W² (exact,) of coefficients that end in x, if needed, the sums for blocks, and the statistics. The
     samples x follow `before`, which is relative to `reference`, and begin at sample `start`."""
-    step = (2 << exact) // STEPS
+    step = (2 << exact) // BLOCKS_OF_SCALE
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)
     squares[:reach], sums = _core.haar_panel(

@@ -21,11 +21,11 @@ from gmwm.measuring.variance.coefficients import haar_resolution
 
 Counts = NDArray[np.int64]
 
-OCTAVE = 128
+BINS_OF_OCTAVE = 128
 """Bins per octave."""
-UNIT = 2.0**-24
+SUM_UNIT = 2.0**-24
 """Unit of the sums over a bin, relative to the bin width."""
-BEYOND = 2047 * OCTAVE
+BEYOND = 2047 * BINS_OF_OCTAVE
 """Index of the bin of infinite values; bin 0 holds zero and values below 2^-1029."""
 
 
@@ -77,10 +77,12 @@ class Sketch:
             filled = self if self.counts.size else other
             return Sketch(zeros, beyond, first=filled.first, counts=filled.counts, sums=filled.sums)
         first = min(self.first, other.first)
-        last = max(part.first + part.counts.size // OCTAVE for part in (self, other))
-        counts, sums = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
+        last = max(part.first + part.counts.size // BINS_OF_OCTAVE for part in (self, other))
+        counts, sums = np.zeros((2, (last - first) * BINS_OF_OCTAVE), dtype=np.int64)
         for part in (self, other):
-            place = slice((part.first - first) * OCTAVE, (part.first - first) * OCTAVE + part.counts.size)
+            place = slice(
+                (part.first - first) * BINS_OF_OCTAVE, (part.first - first) * BINS_OF_OCTAVE + part.counts.size
+            )
             counts[place] += part.counts
             sums[place] += part.sums
         return Sketch(zeros, beyond, first=first, counts=counts, sums=sums)
@@ -88,7 +90,7 @@ class Sketch:
     def to_array(self) -> Counts:
         """Return the nonempty bins as rows (bin, count, sum) in ascending order, for storage."""
         used = np.flatnonzero(self.counts)
-        rows = np.column_stack([used + self.first * OCTAVE, self.counts[used], self.sums[used]])
+        rows = np.column_stack([used + self.first * BINS_OF_OCTAVE, self.counts[used], self.sums[used]])
         ends = np.array([[0, self.zeros, 0], [BEYOND, self.beyond, 0]], dtype=np.int64)
         joint = np.concatenate([ends[:1], rows, ends[1:]])
         return joint[joint[:, 1] > 0]
@@ -109,7 +111,7 @@ class Sketch:
         inside = (bins > 0) & (bins < BEYOND)
         if (
             bins[0] < 0 or bins[-1] > BEYOND or np.any(np.diff(bins) <= 0) or np.any(counts < 1)
-            or np.any(sums < 0) or np.any(sums * UNIT >= np.where(inside, counts, UNIT))
+            or np.any(sums < 0) or np.any(sums * SUM_UNIT >= np.where(inside, counts, SUM_UNIT))
         ):  # fmt: skip
             raise ReadError(
                 "this is not a sketch: its bins must ascend, and the sum of each bin must agree with its count",
@@ -120,9 +122,9 @@ class Sketch:
         if not inside.any():
             return cls(zeros, beyond)
         bins, counts, sums = bins[inside], counts[inside], sums[inside]
-        first, last = int(bins[0]) // OCTAVE, int(bins[-1]) // OCTAVE + 1
-        dense = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
-        dense[:, bins - first * OCTAVE] = counts, sums
+        first, last = int(bins[0]) // BINS_OF_OCTAVE, int(bins[-1]) // BINS_OF_OCTAVE + 1
+        dense = np.zeros((2, (last - first) * BINS_OF_OCTAVE), dtype=np.int64)
+        dense[:, bins - first * BINS_OF_OCTAVE] = counts, sums
         return cls(zeros, beyond, first=first, counts=dense[0], sums=dense[1])
 
 
@@ -208,7 +210,7 @@ class SketchCollector:
 SKETCH_COLLECTOR = SketchCollector()
 
 
-_BELOW_BIN = 52 - OCTAVE.bit_length() + 1
+_BELOW_BIN = 52 - BINS_OF_OCTAVE.bit_length() + 1
 """Number of low-order bits of the mantissa that do not determine the bin."""
 
 
@@ -286,11 +288,11 @@ class _Bins:
     @classmethod
     def of(cls, sketch: Sketch) -> _Bins:
         used = np.flatnonzero(sketch.counts)
-        bins, counts = used + sketch.first * OCTAVE, sketch.counts[used]
+        bins, counts = used + sketch.first * BINS_OF_OCTAVE, sketch.counts[used]
         number = counts.astype(np.float64)
-        place = sketch.sums[used] * UNIT / number
+        place = sketch.sums[used] * SUM_UNIT / number
         # Numbers below 2^-1022 are in octave 0; its bins are as wide as those of octave 1.
-        width = np.ldexp(1.0 / OCTAVE, np.maximum(bins // OCTAVE, 1) - 1023)
+        width = np.ldexp(1.0 / BINS_OF_OCTAVE, np.maximum(bins // BINS_OF_OCTAVE, 1) - 1023)
         mean = (bins << _BELOW_BIN).view(np.float64) + width * place
         padded = np.concatenate([[0], sketch.counts, [0]])
         alone = counts > 8 * (padded[used] + padded[used + 2])

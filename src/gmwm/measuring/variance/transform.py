@@ -330,8 +330,9 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
 def degrees_of_freedom(
     counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
 ) -> NDArray[np.float64]:
-    """Compute the edf η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival 1995)."""
-    return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
+    """Compute the edf η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival 1995); the level −l of a
+    lag counts as level 1."""
+    return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, np.maximum(levels, 1))), 1.0)
 
 
 def loss_factor(filled: int, samples: int) -> float:

@@ -1,8 +1,8 @@
 """Fill the gaps of a recording block by block.
 
-A block has `BLOCK` known samples, counted from the first one of the recording. Its gaps are filled from its own samples
-and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The result
-therefore does not depend on the parts in which a recording arrives.
+A block has `BLOCK_SAMPLES` known samples, counted from the first one of the recording. Its gaps are filled from its own
+samples and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The
+result therefore does not depend on the parts in which a recording arrives.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ def filled(
     split at gaps at which its sensor restarted; with `together`, all axes are split there.
 
     Samples without short gaps are yielded at once. Other samples are held back until their block and the context after
-    it are complete. The sizes of blocks and contexts are `BLOCK` and `CONTEXT`, unless smaller ones are given.
+    it are complete. The sizes of blocks and contexts are `BLOCK_SAMPLES` and `CONTEXT`, unless smaller ones are given.
     """
-    block, context = block or gaps.BLOCK, context or gaps.CONTEXT
+    block, context = block or gaps.BLOCK_SAMPLES, context or gaps.CONTEXT
     window = _Window(block, context, together)
     passed = 0  # number of samples that were yielded
     for batch in batches:

@@ -34,11 +34,11 @@ from gmwm.base.arrays import Matrix, Vector, runs_of
 Places = NDArray[np.int64]
 Range = tuple[int, int]
 
-NEIGHBOURS = 32
+PREDICTING_NEIGHBOURS = 32
 """Number of neighbours on each side that predict a lost sample. All constants here are measured in tests/filling."""
-SHORT = 64
+LONGEST_PREDICTED_SAMPLES = 64
 """Longest gap (samples) that is predicted from neighbours."""
-WIDEST = 1 << 16
+WIDEST_MEAN_SAMPLES = 1 << 16
 """Largest width w of the means on both sides of a gap (samples)."""
 _RIDGE = 1e-3
 """White noise that is added to the autocovariance, relative to the variance. It limits the weights of neighbours, which
@@ -191,7 +191,7 @@ def _inside(places: Places, length: int, ranges: Sequence[Range]) -> Places:
 def _widths(least: int, most: int, ratio: int) -> list[int]:
     """Return a geometric sequence of widths from `least` to `most`, with at least one width."""
     out = [least]
-    while out[-1] * ratio <= min(WIDEST, most):
+    while out[-1] * ratio <= min(WIDEST_MEAN_SAMPLES, most):
         out.append(out[-1] * ratio)
     return out
 
@@ -263,7 +263,7 @@ class _Prediction:
 
 def _neighbours(known: int) -> int:
     """Return the number of neighbours on each side, for a number of known samples."""
-    return max(1, min(NEIGHBOURS, known // 16))
+    return max(1, min(PREDICTING_NEIGHBOURS, known // 16))
 
 
 class _Draw(NamedTuple):

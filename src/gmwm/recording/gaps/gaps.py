@@ -9,22 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.time_base import lost_before
-from gmwm.recording.gaps.drawing import SHORT
+from gmwm.recording.gaps.drawing import LONGEST_PREDICTED_SAMPLES
 
 AROUND, LEAST_AROUND = 32, 1024
 """The neighbourhood of a gap of g samples has max(32 g, 1024) samples on each side, but at most `CONTEXT`, and fewer at
 an end of the recording. All constants here are measured in tests/filling."""
-SHARE = 0.75
+LEAST_NEIGHBOUR_SHARE = 0.75
 """Smallest share of the neighbourhood that must be known for a gap to be filled."""
 BESIDE, BESIDE_LONG = 2, 16
 """Smallest number of known samples on each side of a gap, as a multiple of its length. The first value is for gaps that
 are predicted from neighbours, the second for longer gaps, after which a sensor may have another offset. Both also apply
 near the ends of the recording."""
-LONGEST = 1 << 13
+LONGEST_FILLED_SAMPLES = 1 << 13
 """Longest gap that is filled (samples)."""
-CONTEXT = BESIDE_LONG * LONGEST
+CONTEXT = BESIDE_LONG * LONGEST_FILLED_SAMPLES
 """Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
-BLOCK = 1 << 20
+BLOCK_SAMPLES = 1 << 20
 """Number of samples whose gaps are filled together. Blocks bound the memory, and the prediction follows a sensor that
 changes."""
 
@@ -33,7 +33,7 @@ Ranges = NDArray[np.int64]
 
 def is_short(lost: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return whether gaps with these numbers of lost samples are filled if enough samples around them are known."""
-    return np.asarray((lost > 0) & (lost <= LONGEST))
+    return np.asarray((lost > 0) & (lost <= LONGEST_FILLED_SAMPLES))
 
 
 def has_short_gaps(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> bool:
@@ -51,8 +51,8 @@ def joined_ranges(
     lost = lost_before(rate, ranges, starts)
     accepted = np.zeros(lost.size, dtype=np.bool_)
     total = int(ranges[-1, 1])
-    for first in range(0, total, BLOCK):
-        last = min(first + BLOCK, total)
+    for first in range(0, total, BLOCK_SAMPLES):
+        last = min(first + BLOCK_SAMPLES, total)
         subset = slice(*np.searchsorted(ranges[:, 0], [max(first - CONTEXT, 0) + 1, last + CONTEXT]).tolist())
         subset = slice(subset.start - 1, subset.stop)
         near = np.clip(ranges[subset], first - CONTEXT, last + CONTEXT)
@@ -89,6 +89,8 @@ def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.
         )
         sizes = np.stack([ends[subset] - far[0], far[1] - begins[subset]])
         counts = sizes - np.stack(unknown)
-        least = np.maximum(SHARE * sizes, (BESIDE if gap <= SHORT else BESIDE_LONG) * gap)
+        least = np.maximum(
+            LEAST_NEIGHBOUR_SHARE * sizes, (BESIDE if gap <= LONGEST_PREDICTED_SAMPLES else BESIDE_LONG) * gap
+        )
         accepted[subset] = np.all(counts >= least, axis=0)
     return accepted

@@ -18,7 +18,7 @@ from gmwm.recording.gaps import gaps
 LEAST, SHARE = 16, 16
 """Smallest width w, and smallest number of widths in a recording, so that the usual difference is known accurately
 enough. All constants here are measured in tests/filling/test_restarts.py."""
-TIMES = 6.0
+LEAST_JUMP = 6.0
 """Smallest size of a jump at a gap, in standard deviations of the usual differences."""
 _NEARER = 12.0
 """A jump is assigned to another place than the gap if its log likelihood there is larger by half this value. In white
@@ -70,7 +70,7 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
     elsewhere = 0
     while np.any(open_):
         k = int(np.argmax(np.where(open_, ratios, 0.0)))
-        if not open_[k] or ratios[k] < TIMES:
+        if not open_[k] or ratios[k] < LEAST_JUMP:
             break
         open_[k] = False
         width, octave, place = int(widths[k]), int(octaves[k]), int(places[k])
@@ -164,4 +164,4 @@ class _Differences:
             float(self.at(np.array([place + shift]), part)[0])
             for shift, part in ((0, width), (-width // 2, width // 2), (width // 2, width // 2))
         )
-        return abs(here - sum(slopes)) > max(_SLOPE * abs(here), TIMES * self.usual(width, octave)[1])
+        return abs(here - sum(slopes)) > max(_SLOPE * abs(here), LEAST_JUMP * self.usual(width, octave)[1])

@@ -3,6 +3,6 @@ frozen or interpolated samples, and words that wrapped around."""
 
 from gmwm.recording.repairs.jumps import without_jumps
 from gmwm.recording.repairs.levels import axes_with_two_levels
-from gmwm.recording.repairs.repaired import repaired
+from gmwm.recording.repairs.repaired import only_axes, repaired
 
-__all__ = ["axes_with_two_levels", "repaired", "without_jumps"]
+__all__ = ["axes_with_two_levels", "only_axes", "repaired", "without_jumps"]

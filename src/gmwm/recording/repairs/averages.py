@@ -34,11 +34,11 @@ _FEWEST = 256
 """Smallest number of means."""
 
 
-def averaged_samples(batch: Batch) -> int:
-    """Return the number of samples to average so that the noise is not far below the rate; 1 for a usual recording. All
-    axes must have passed a steep filter."""
-    length = min(_of_axis(list(signal.segment_values())) for signal in batch.signals.values())
-    return min(length, max(len(batch) // _FEWEST, 1))
+def averaged_samples(batch: Batch) -> dict[str, int]:
+    """Return for each axis the number of samples to average so that the noise is not far below the rate; 1 for an axis
+    that has not passed a steep filter."""
+    most = max(len(batch) // _FEWEST, 1)
+    return {axis: min(_of_axis(list(signal.segment_values())), most) for axis, signal in batch.signals.items()}
 
 
 def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:

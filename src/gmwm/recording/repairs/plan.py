@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, re
 from gmwm.recording.repairs.wraps import modulus_of, unwrapped
 from gmwm.recording.resolution import count_of
 
+_BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels")
 _FROZEN, _FROZEN_TIMES = 32, 6
 """Smallest number of equal samples in a row at which the output froze: also as a multiple of the length that one run of
 a thousand exceeds (tests/recording/test_repairs.py)."""
@@ -101,14 +103,26 @@ class RepairPlan:
         """Return the values of an axis without float64 rounding of its counts."""
         return np.asarray(np.rint(values / self.counts[axis]) * self.counts[axis]) if axis in self.counts else values
 
+    def of(self, axes: Sequence[str]) -> RepairPlan:
+        """Return the plan for some of the axes."""
+        mappings: Any = {
+            name: {axis: value for axis, value in getattr(self, name).items() if axis in axes} for name in _BY_AXIS
+        }
+        return replace(self, axes=tuple(axes), **mappings)
+
+    def beside(self, other: RepairPlan) -> RepairPlan:
+        """Return the plan for the axes of this and of another plan."""
+        mappings: Any = {name: {**getattr(self, name), **getattr(other, name)} for name in _BY_AXIS}
+        return replace(self, axes=(*self.axes, *other.axes), **mappings)
+
     def unwrapped(self, axis: str, values: Vector) -> Vector:
         """Return the values of an axis with overflows undone."""
         return unwrapped(values, *self.wraps[axis]) if axis in self.wraps else values
 
 
 def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
-    """Return a plan for each group of axes that one clock can describe. Axes of one sensor stay together. `duplicates`
-    is the share of time stamps that equal the one before."""
+    """Return a plan for each group of axes that one clock can describe. A fault of some axes leaves the samples of the
+    other axes as they are. `duplicates` is the share of time stamps that equal the one before."""
     signals = batch.signals
     begins = np.array([first for first, _ in next(iter(signals.values())).segments])
     sensors: dict[str, list[str]] = {}
@@ -116,36 +130,69 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
         sensors.setdefault(sensor_of(axis), []).append(axis)
     groups: dict[Repeats | None, list[str]] = {}
     for axes in sensors.values():
-        repeats_of_sensor = repeats_of([signals[axis].values for axis in axes], begins, duplicates)
-        groups.setdefault(repeats_of_sensor, []).extend(axes)
-    return [_plan(tuple(axes), found, batch, begins) for found, axes in groups.items()]
+        for axis, pattern in _patterns({axis: signals[axis].values for axis in axes}, begins, duplicates).items():
+            groups.setdefault(pattern, []).append(axis)
+    plans = [_plan(axis, pattern, batch, begins) for pattern, axes in groups.items() for axis in axes]
+    return _joined({plan.axes[0]: plan for plan in plans}, batch, begins)
 
 
-def _plan(axes: tuple[str, ...], found: Repeats | None, batch: Batch, begins: Indices) -> RepairPlan:
-    values = {axis: batch.signals[axis].values for axis in axes}
-    wraps = {axis: wrap for axis in axes if (wrap := modulus_of(values[axis])) is not None}
-    alone = {axis: repeats([values[axis]], begins) for axis in axes}
-    dead = max(_dead(same) for same in alone.values())
-    frozen: dict[str, int] = {}
-    lines: dict[str, int] = {}
-    levels: dict[str, TwoLevels] = {}
-    if found is None:
-        found_levels = {axis: two_levels_of(values[axis]) for axis in axes}
-        levels = {axis: item for axis, item in found_levels.items() if item is not None}
-        for axis in axes:
-            least = _frozen_length(values[axis], alone[axis])
-            share = np.mean(in_long_runs(alone[axis], least)[dead:]) if least else 0.0
-            if 0 < share <= _MOST_FROZEN:
-                frozen[axis] = least
-            least = _straight_length(values[axis], begins)
-            share = np.mean(_in_straight_runs(values[axis], begins, least)) if least else 0.0
-            if 0 < share <= _MOST_STRAIGHT:
-                lines[axis] = least
-    dead = dead if dead < _MOST_DEAD * len(batch) else 0
-    counts = {axis: count for axis in axes if (count := count_of(values[axis])) is not None}
-    return RepairPlan(
-        axes=axes, repeats=found, frozen=frozen, straight=lines, wraps=wraps, dead=dead, counts=counts, levels=levels
-    )  # fmt: skip
+def _patterns(values: Mapping[str, Vector], begins: Indices, duplicates: float) -> dict[str, Repeats | None]:
+    """Return how the values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
+    pattern = repeats_of(list(values.values()), begins, duplicates)
+    if pattern is None or _coincide(list(values.values()), begins):
+        return {axis: repeats_of([x], begins, duplicates) for axis, x in values.items()}
+    return dict.fromkeys(values, pattern)
+
+
+def _coincide(axes: list[Vector], begins: Indices) -> bool:
+    """Return whether axes repeat together only as often as independent axes do, up to a factor of 2."""
+    together = np.mean(repeats(axes, begins))
+    return len(axes) > 1 and bool(together < 2 * np.prod([np.mean(repeats([values], begins)) for values in axes]))
+
+
+def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> RepairPlan:
+    """Return the plan of one axis."""
+    values = batch.signals[axis].values
+    same = repeats([values], begins)
+    dead = _dead(same)
+    frozen, line, levels = 0, 0, None
+    if pattern is None:
+        levels = two_levels_of(values)
+        frozen = _frozen_length(values, same)
+        share = np.mean(in_long_runs(same, frozen)[dead:]) if frozen else 0.0
+        frozen = frozen if 0 < share <= _MOST_FROZEN else 0
+        line = _straight_length(values, begins)
+        share = np.mean(_in_straight_runs(values, begins, line)) if line else 0.0
+        line = line if 0 < share <= _MOST_STRAIGHT else 0
+    found = {
+        "frozen": frozen,
+        "straight": line,
+        "wraps": modulus_of(values),
+        "counts": count_of(values),
+        "levels": levels,
+    }
+    mappings: dict[str, Any] = {name: {axis: value} if value else {} for name, value in found.items()}
+    return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * len(batch) else 0, **mappings)
+
+
+def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> list[RepairPlan]:
+    """Join the plans of axes that lose the same samples."""
+    joined: list[tuple[RepairPlan, Mask]] = []
+    for axis, plan in plans.items():
+        lost = np.zeros(len(batch), dtype=np.bool_)
+        if plan.repeats is None:
+            for mask in plan.left_out({axis: batch.signals[axis].values}, begins).values():
+                lost |= mask
+        for k, (other, mask) in enumerate(joined):
+            # A coarse axis repeats a value by chance at the end of a standstill of all axes.
+            if (other.repeats, other.dead) == (plan.repeats, plan.dead) and 10 * np.sum(lost ^ mask) <= np.sum(
+                lost | mask
+            ):
+                joined[k] = other.beside(plan), mask
+                break
+        else:
+            joined.append((plan, lost))
+    return [plan for plan, _ in joined]
 
 
 def _dead(same: Mask) -> int:

@@ -30,19 +30,34 @@ def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
     rows = len(recording) if isinstance(recording, Imu) else recording.rows
     base = recording.time_base
     plans = plans_of(batch, 0.0 if base is None else base.duplicates / max(rows, 1))
-    if all(plan.changes_nothing for plan in plans) and len(plans) == 1:
-        length = averaged_samples(batch)
-        return (recording,) if length == 1 else (averaged(recording, length),)
-    return tuple(_averaged_if_filtered(_of_plan(recording, plan)) for plan in plans)
+    return tuple(
+        part if length == 1 else averaged(part, length)
+        for plan in plans
+        for length, part in _by_average(recording, plan, alone=len(plans) == 1)
+    )
+
+
+def _by_average(recording: Imu | Streamed, plan: RepairPlan, *, alone: bool) -> Iterator[tuple[int, Imu | Streamed]]:
+    """Yield the repaired axes of a plan that passed a steep filter, with the number of samples to average, and the
+    other axes."""
+    part = recording if alone and plan.changes_nothing else _of_plan(recording, plan)
+    lengths = averaged_samples(next(batches(part)))
+    steep = [axis for axis, length in lengths.items() if length > 1]
+    length = min((lengths[axis] for axis in steep), default=1)
+    if len(steep) in (0, len(lengths)):
+        yield length, part
+        return
+    yield length, _of_plan(recording, plan.of(steep))
+    yield 1, _of_plan(recording, plan.of([axis for axis in lengths if axis not in steep]))
 
 
 def _of_plan(recording: Imu | Streamed, plan: RepairPlan) -> Imu | Streamed:
     return _repaired_imu(recording, plan) if isinstance(recording, Imu) else RepairedStream(recording, plan)
 
 
-def _averaged_if_filtered(recording: Imu | Streamed) -> Imu | Streamed:
-    length = averaged_samples(next(batches(recording)))
-    return recording if length == 1 else averaged(recording, length)
+def only_axes(recording: Imu | Streamed, axes: Sequence[str]) -> Imu | Streamed:
+    """Return some axes of a recording."""
+    return recording[list(axes)] if isinstance(recording, Imu) else _of_plan(recording, RepairPlan(axes=tuple(axes)))
 
 
 class Repair:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError
-from gmwm.choosing.datasheets.effective import HORIZON, checked_horizon
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, checked_horizon
 from gmwm.showing.exporters.base import Exporter, ExportOptions, find_exporter, registered
 from gmwm.showing.exporters.reduction import RULES, Rule
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def export(
     calibration: Calibration, path: str | os.PathLike[str] | None = None, format: str = "kalibr", *,
-    axes: Rule | None = None, inflation: float = 1.0, horizon: float = HORIZON, rate: float | None = None,
+    axes: Rule | None = None, inflation: float = 1.0, horizon: float = DEFAULT_HORIZON_S, rate: float | None = None,
     duration: float | None = None,
 ) -> str:  # fmt: skip
     """Return the noise of a unit in the format of another program; see `Calibration.export`."""
@@ -41,7 +41,7 @@ def export(
 
 def export_all(
     calibration: Calibration, folder: str | os.PathLike[str], *, axes: Rule | None = None, inflation: float = 1.0,
-    horizon: float = HORIZON, rate: float | None = None, duration: float | None = None,
+    horizon: float = DEFAULT_HORIZON_S, rate: float | None = None, duration: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:  # fmt: skip
     """Export a calibration in every format. Each format uses the options that apply to it.
 
@@ -98,7 +98,13 @@ def export_formats() -> dict[str, str]:
     return {exporter.name: exporter.title for exporter in registered()}
 
 
-_DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None, "duration": None}
+_DEFAULTS: Mapping[str, Any] = {
+    "axes": None,
+    "inflation": 1.0,
+    "horizon": DEFAULT_HORIZON_S,
+    "rate": None,
+    "duration": None,
+}
 
 
 def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:

@@ -19,7 +19,7 @@ from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
-from gmwm.choosing.datasheets.effective import HORIZON, Use
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use
 from gmwm.showing.exporters.biases import stated, unknown
 from gmwm.showing.exporters.findings import remarks_of
 from gmwm.showing.exporters.heads import left_out, limits, not_measured, rule_of, verdict
@@ -48,7 +48,9 @@ class ExportOptions:
     # Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its
     # square.
     inflation: float = 1.0
-    horizon: float = HORIZON  # horizon T (s) over which a filter with N and K predicts best; see `effective_noise`
+    horizon: float = (
+        DEFAULT_HORIZON_S  # horizon T (s) over which a filter with N and K predicts best; see `effective_noise`
+    )
     # sampling rate (Hz) in the program that reads the file; None for the rate of the recording
     rate: float | None = None
     # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the

@@ -10,7 +10,7 @@ from gmwm.showing.exporters.base import Noise, register
 from gmwm.showing.exporters.biases import three
 from gmwm.showing.exporters.jsonfile import JsonFile
 
-FRAMES = 10.0
+FRAME_RATE_HZ = 10.0
 """Number of lidar frames per second (Hz). The value is the usual rate of a spinning lidar."""
 
 
@@ -30,8 +30,9 @@ class Glim(JsonFile):
     meaning = (
         "Units: imu_acc_noise m/s²/√Hz and imu_gyro_noise rad/s/√Hz, continuous-time densities, one-sigma. "
         "imu_bias_noise is discrete: the standard deviation of the change of the bias between two frames at "
-        f"{FRAMES:g} Hz, K √0.1 s, m/s² and rad/s. GLIM has one number for both sensors: it is the larger one, almost "
-        "always that of the accelerometers. imu_bias: accelerometers x, y, z (m/s²), gyroscopes x, y, z (rad/s).",
+        f"{FRAME_RATE_HZ:g} Hz, K √0.1 s, m/s² and rad/s. GLIM has one number for both sensors: it is the larger "
+        "one, almost always that of the accelerometers. imu_bias: accelerometers x, y, z (m/s²), gyroscopes x, y, z "
+        "(rad/s).",
     )
     usage = (
         "Copy these keys into sensors of your config_sensors.json. For another lidar rate, change imu_bias_noise.",
@@ -44,7 +45,7 @@ class Glim(JsonFile):
             "sensors": {
                 "imu_acc_noise": accel.N[0].value,
                 "imu_gyro_noise": gyro.N[0].value,
-                "imu_bias_noise": max(gyro.K[0].value, accel.K[0].value) / math.sqrt(FRAMES),
+                "imu_bias_noise": max(gyro.K[0].value, accel.K[0].value) / math.sqrt(FRAME_RATE_HZ),
                 "imu_bias": [*three(noise.rest, "accel"), *three(noise.rest, "gyro")],
             }
         }

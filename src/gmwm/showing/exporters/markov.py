@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, ClassVar
 from gmwm.base.text import duration_text
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled
-from gmwm.showing.exporters.two_states import LONGEST, WIDEST, Curve, States, cached, fit_states
+from gmwm.showing.exporters.two_states import (
+    LEAST_AVERAGING_RATIO,
+    LONGEST_AVERAGING_S,
+    Curve,
+    States,
+    cached,
+    fit_states,
+)
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -145,10 +152,10 @@ def band(noise: Noise) -> tuple[float, float]:
     """Return the shortest and the longest averaging time (s) of the fit."""
     low = noise.options.horizon
     if noise.options.duration is not None:
-        return low, max(noise.options.duration, WIDEST * low)
+        return low, max(noise.options.duration, LEAST_AVERAGING_RATIO * low)
     lengths = [axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate
                for sensor in noise.sensors for axis in sensor.axes]  # fmt: skip
-    return low, max(min(LONGEST, *lengths), WIDEST * low)
+    return low, max(min(LONGEST_AVERAGING_S, *lengths), LEAST_AVERAGING_RATIO * low)
 
 
 def of_sensor(sensor: SensorNoise, found: Mapping[str, Bias], noise: Noise) -> tuple[tuple[Number, float], ...]:

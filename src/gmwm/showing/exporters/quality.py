@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
 from gmwm.choosing.datasheets.misfit import curve_ratio
 from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
 from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
+from gmwm.showing.exporters.two_states import (
+    LEAST_AVERAGING_RATIO,
+    LONGEST_AVERAGING_S,
+    Curve,
+    cached,
+    fit_states,
+)
 
 TIMES = (1.0, 10.0, 60.0)
 """Times (s) over which the predictions of the filters are compared."""
 TRUE = (0.8, 1.3)
 """Ratios of the stated to the real error between which a file says nothing more. A convention, pinned by
 tests/exporters/test_quality.py."""
-LARGE = 1.2
+LARGE_LOSS = 1.2
 """Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
 tests/exporters/test_quality.py."""
 
@@ -71,11 +78,24 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
         true = [time for time, claim in zip(TIMES, claims, strict=True) if TRUE[0] <= claim <= TRUE[1]]
         if true and true[-1] < TIMES[-1]:
             lines.append(
-                f"{NAMES[sensor.quantity].capitalize()}: N and K hold for predictions of up to {true[-1]:g} s; for "
-                "longer ones, set the horizon to their length."
+                f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {true[-1]:g} s; beyond, set the "
+                f"horizon{_bias_instead(axes)}."
             )
-        large = large or losses[-1] > LARGE
+        large = large or losses[-1] > LARGE_LOSS
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
+
+
+def _bias_instead(axes: Sequence[AxisNoise]) -> str:
+    """Return white noise and a Gauss-Markov bias for the axis with the worst stated error at the longest time. The
+    errors that a filter with these numbers states are true at all times (docs/validation/filter.md)."""
+    axis = max(axes, key=lambda axis: abs(math.log(qualities(axis)[-1].claim)))
+    longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
+    band = TIMES[0], max(longest, LEAST_AVERAGING_RATIO * TIMES[0])
+    state = cached(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
+    if axis.K.upper or not state.sigma or state.white <= 0:
+        return ""
+    # Short, because a file has few lines of comment; the units are those of the file.
+    return f" or N {state.white:.3g}, σ {state.sigma[0]:.2g}, T {state.time[0]:.2g} s ({axis.axis})"
 
 
 def _listed(numbers: Iterable[float]) -> str:

@@ -23,9 +23,9 @@ from gmwm.theory.processes.noise import WN
 
 STATES = 2
 """Number of Gauss-Markov states."""
-LONGEST = 3600.0
+LONGEST_AVERAGING_S = 3600.0
 """Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
-WIDEST = 4.0
+LEAST_AVERAGING_RATIO = 4.0
 """Smallest ratio of the longest averaging time to the horizon."""
 POINTS = 25
 """Number of averaging times in the fit, with equal distances in the logarithm."""
@@ -100,8 +100,12 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
     noise = filter_entries(fit, Use(horizon), 0.95)
     if noise["K"].value == 0:
         return None
-    longest = min(LONGEST, fit.wavelet_variance.samples / fit.wavelet_variance.rate) if duration is None else duration
-    high = max(longest, WIDEST * horizon)
+    longest = (
+        min(LONGEST_AVERAGING_S, fit.wavelet_variance.samples / fit.wavelet_variance.rate)
+        if duration is None
+        else duration
+    )
+    high = max(longest, LEAST_AVERAGING_RATIO * horizon)
     curve = Curve.of(fit, horizon, high)
     # At 100 times the longest averaging time, the Allan deviation of a Gauss-Markov process differs from that of a
     # random walk by 0.3 % (tests/exporters/test_two_states.py).

@@ -16,7 +16,7 @@ from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Figure, Panel, Polyline, Stroke
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
-from gmwm.showing.plots.series import DOTS, WIDTH, row_height, time_once
+from gmwm.showing.plots.series import DOTS_OF_MM, LINE_WIDTH_PT, row_height, time_once
 from gmwm.showing.plots.style import BLUE
 from gmwm.showing.plots.trace import even_trace
 
@@ -41,7 +41,7 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
     """Return the panel of one level, with each coefficient at the middle of the samples on which it depends."""
     inside = transform.interior[level]
     step = 1 if isinstance(transform, Modwt) else 1 << level
-    values = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS * PAGE))
+    values = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS_OF_MM * PAGE))
     last = step * (inside.start + 1) - 1
     seconds = values.seconds + (last - (transform.filter.width(level) - 1) / 2) / rate
     duration = transform.samples / rate
@@ -49,7 +49,7 @@ def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
     y, scale = scaled_axis(
         values.low, values.high, max(abs(values.low), abs(values.high)), name="Coefficient", unit=unit
     )
-    stroke = Stroke(BLUE, WIDTH, symbol="circle" if values.y.size < 200 else None)
+    stroke = Stroke(BLUE, LINE_WIDTH_PT, symbol="circle" if values.y.size < 200 else None)
     line = Polyline(seconds / size, values.y / scale, stroke=stroke, layer=FRONT)
     return Panel(x, y, (line,), f"Level {level}, scale {duration_text((1 << level) / rate)}")
 

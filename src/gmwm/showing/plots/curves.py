@@ -120,6 +120,7 @@ def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot |
 
 def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Panel:
     """Return the panel that `plot_wavelet_variance` draws."""
+    wv = wv.without_lags
     shown = view_for(wv, view, units)
     return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
 

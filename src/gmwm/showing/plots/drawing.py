@@ -8,6 +8,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
+from gmwm.base.extras import library
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
@@ -47,6 +49,7 @@ def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
 
     @wraps(describe)
     def plot(*arguments: P.args, **options: P.kwargs) -> MatplotlibFigure:
+        library("matplotlib")
         from gmwm.showing.plots.axes import one_tick_form
         from gmwm.showing.plots.matplotlib import draw
 

@@ -48,6 +48,8 @@ class Polyline:
         Legend entry; "" for none.
     layer : int
         Marks with a higher layer are drawn in front of others.
+    swatch : str
+        Colour in the legend of Matplotlib, if the entry stands for curves of several colours.
     """
 
     x: Vector
@@ -55,6 +57,7 @@ class Polyline:
     stroke: Stroke
     label: str = ""
     layer: int = 0
+    swatch: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Fitted: TypeAlias = "Fit | LikelihoodFit"
 """A result that `plot_fit` can draw."""
-LINES = 2
+MOST_SINUSOIDS = 2
 """Largest number of sinusoids that are drawn as separate curves, also in `gmwm.showing.plots.spectrum`. Pinned by
 tests/plots/test_plot_limits.py."""
 
@@ -40,6 +40,7 @@ def fit_panel(
 ) -> Panel:
     """Return the panel that `plot_fit` draws. If it shares a legend with others (not `alone`), the legend names the
     terms without parameters, and a text in the panel lists the terms that are zero."""
+    fit = getattr(fit, "without_lags", fit)
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
@@ -84,7 +85,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
         elif alone:
             label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
-            label += f" (acts as {acting})" if acting else ""
+            label += f" (like {acting})" if acting else ""
         lines.append(Polyline(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
@@ -94,12 +95,13 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
 
 
 def _curves_by_term(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
-    """Return the curve of each term, and the sinusoids if they are more than `LINES`: the first has their sum."""
+    """Return the curve of each term, and the sinusoids if they are more than `MOST_SINUSOIDS`: the first has their
+    sum."""
     curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
     rate = fit.wavelet_variance.rate
     processes = zip(fit.model.terms, fit.model.processes, strict=True)
     lines = [term for term, process in processes if process.line(rate) is not None and np.any(curves[term] > 0)]
-    if len(lines) <= LINES:
+    if len(lines) <= MOST_SINUSOIDS:
         return curves, ()
     total = np.sum([curves[term] for term in lines], axis=0)
     return {term: curve for term, curve in curves.items() if term not in lines} | {lines[0]: total}, lines

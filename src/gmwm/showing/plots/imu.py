@@ -23,7 +23,7 @@ from gmwm.showing.plots.view import UnitSystem, ViewName
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
-SINGLE = 120.0
+SINGLE_WIDTH_MM = 120.0
 """Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""
 
 
@@ -130,7 +130,7 @@ def grid_figure(panels: Mapping[str, Panel]) -> Figure:
     if columns > 1:
         rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
     drawn = Figure(
-        _share_labels([_one_scale(row) for row in rows]), width=max(PAGE * columns / 3, SINGLE),
+        _share_labels([_one_scale(row) for row in rows]), width=max(PAGE * columns / 3, SINGLE_WIDTH_MM),
         height=16.0 + 56.0 * len(rows), legend_columns=6,
     )  # fmt: skip
     return _with_room(drawn, entries=2 * drawn.legend_columns)
@@ -170,7 +170,7 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
     rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + 2]) for k in range(0, len(panels), 2)]
     if len(rows) > 1 and len(panels) % 2:
         rows[-1] = (*rows[-1], None)
-    width = PAGE if len(panels) > 1 else SINGLE
+    width = PAGE if len(panels) > 1 else SINGLE_WIDTH_MM
     drawn = Figure(tuple(rows), width=width, height=10.0 + 74.0 * len(rows), legend_columns=7)
     return _with_room(drawn, entries=drawn.legend_columns)
 

@@ -236,8 +236,8 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
         return ax.plot(mark.x, place, label=mark.label, transform=ax.get_xaxis_transform(), **style)[0]
     if isinstance(mark, Band):
         return _draw_band(mark, ax, far)
-    style = _line_style(mark.stroke)
-    return ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **style)[0]
+    line = ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **_line_style(mark.stroke))[0]
+    return Line2D([], [], **_line_style(replace(mark.stroke, colour=mark.swatch))) if mark.swatch else line
 
 
 def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:

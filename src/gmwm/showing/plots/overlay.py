@@ -65,6 +65,7 @@ def overlay_panel(
 ) -> Panel:  # fmt: skip
     """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
     the data and a line for the model."""
+    items = {name: getattr(item, "without_lags", item) for name, item in items.items()}
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:
@@ -139,11 +140,15 @@ def plot_conditions(
     fit: ConditionsFit, *, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
-    """Draw the curves of all conditions with their models."""
-    items: dict[str, Item] = {
-        f"{fit.condition} {c:g}": AtCondition(wv, fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
-        for c, wv in fit.curves.items()
-    }
+    """Draw the curves of all conditions with their models; of more than five, four from the lowest to the highest."""
+    conditions = sorted(fit.curves)
+    if len(conditions) > 5:
+        conditions = [conditions[round(k * (len(conditions) - 1) / 3)] for k in range(4)]
+    items: dict[str, Item] = {}
+    for c in conditions:
+        wv = fit.curves[c]
+        implied = fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter)
+        items[f"{fit.condition} {c:.4g}"] = AtCondition(wv, implied)
     return comparison_figure(items, view=view, units=units)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
-from gmwm.fitting.inference.planning import SEEN, Plan, as_accuracy
+from gmwm.fitting.inference.planning import CERTAIN_ERROR, Plan, as_accuracy
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
@@ -23,7 +23,7 @@ from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HIGHEST = 2.0
+HIGHEST_ERROR = 2.0
 """Largest relative standard error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
 FURTHER = (2.0, 100.0)
 """Smallest and largest duration at which the curves may end, as multiples of the planned duration. Between these
@@ -40,18 +40,20 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
     times, curves = _curves(plan, needed)
     strokes = _strokes(plan)
     heights = np.concatenate([100 * curve for curve in curves.values()])
-    y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * target])), _LABEL)
+    y = value_axis(
+        limits_of(np.append(np.minimum(heights, 100 * HIGHEST_ERROR), [100 * HIGHEST_ERROR, 50 * target])), _LABEL
+    )
     x = time_axis(times, "Length of the recording (s)")
     across, along = np.array(x.limits), np.array(y.limits)
     length = f"{duration_text(plan.duration)}: planned duration"
     chosen = f"{100 * target:g} %: chosen accuracy"
-    unseen = f"above {100 * SEEN:g} %: not determined by the data"
+    unseen = f"above {100 * CERTAIN_ERROR:g} %: not determined by the data"
     marks: list[Mark] = []
     for name, curve in curves.items():
         label = f"{name}: {_need_text(name, needed[name], plan, target)}"
-        if np.all(np.isfinite(curve) & (curve > HIGHEST)):
-            label += f", above {100 * HIGHEST:g} % throughout"
-        heights = np.where(curve <= HIGHEST, 100 * curve, np.nan)
+        if np.all(np.isfinite(curve) & (curve > HIGHEST_ERROR)):
+            label += f", above {100 * HIGHEST_ERROR:g} % throughout"
+        heights = np.where(curve <= HIGHEST_ERROR, 100 * curve, np.nan)
         marks.append(Polyline(times, heights, stroke=strokes[name], label=label, layer=MIDDLE))
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
@@ -59,7 +61,7 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
         Polyline(reached, np.full(reached.shape, 100 * target), stroke=dots, label="", layer=FRONT),
         Polyline(across, np.full(2, 100 * target), stroke=Stroke(BLACK, 0.7), label=chosen, layer=BEHIND),
         Polyline(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
-        Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, opacity=0.16, label=unseen, layer=BAND),
+        Band(across, np.full(2, 100 * CERTAIN_ERROR), np.full(2, np.inf), GREY, opacity=0.16, label=unseen, layer=BAND),
     ]
     return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
 
@@ -69,7 +71,7 @@ _LABEL = "Relative standard error (%)"
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
     """Return the durations (s) of the points of the curves, and the relative standard errors of each parameter there:
-    from where the first error falls below `HIGHEST` until the last one has reached the accuracy."""
+    from where the first error falls below `HIGHEST_ERROR` until the last one has reached the accuracy."""
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
     end = min(max(1.5 * furthest, least), most, plan.horizon)
@@ -79,7 +81,7 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
     further = [plan.at(t) for t in beyond.tolist()]
     times = np.concatenate([plan.durations, beyond])
     curves = {name: np.append(curve, [at[name] for at in further]) for name, curve in plan.errors.items()}
-    shown = np.min(np.array(list(curves.values())), axis=0) <= HIGHEST
+    shown = np.min(np.array(list(curves.values())), axis=0) <= HIGHEST_ERROR
     first = int(np.argmax(shown)) if np.any(shown) else 0
     return times[first:], {name: curve[first:] for name, curve in curves.items()}
 

@@ -26,7 +26,7 @@ from gmwm.showing.plots.curves import (
 )
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable
-from gmwm.showing.plots.imu import SINGLE
+from gmwm.showing.plots.imu import SINGLE_WIDTH_MM
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 from gmwm.showing.plots.view import UnitSystem, ViewName
@@ -82,7 +82,9 @@ def candidates_figure(comparison: Comparison, *, view: ViewName = "auto", units:
     title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
     heights = (74.0, 56.0)
     panels = ((curves,), (_distances(pair, strokes, view, units),))
-    return Figure(rows=panels, width=SINGLE, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights)
+    return Figure(
+        rows=panels, width=SINGLE_WIDTH_MM, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights
+    )
 
 
 def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:

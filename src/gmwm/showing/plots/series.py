@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from gmwm.theory.simulation.components import SimulatedSignal
 
-DOTS = 15.0
+DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
-WIDTH = 0.5
+LINE_WIDTH_PT = 0.5
 """Width of the line through a long signal (points)."""
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
@@ -41,7 +41,7 @@ NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
     """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
-    samples = trace(signal, shown.factor, round(DOTS * width))
+    samples = trace(signal, shown.factor, round(DOTS_OF_MM * width))
     mean = offset_of(samples)
     title = _without_mean(axis_title(signal.axis), mean, shown.unit)
     return _panels([_SignalRow(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
@@ -73,7 +73,7 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
         begin = imu.time_base.left if imu.time_base else 0.0
         rows = []
         for axis in members:
-            samples = trace(imu[axis], shown.factor, round(DOTS * width), begin, clip=True)
+            samples = trace(imu[axis], shown.factor, round(DOTS_OF_MM * width), begin, clip=True)
             mean = offset_of(samples)
             title = _without_mean(axis_title(axis), mean, shown.unit)
             rows.append(_SignalRow(samples.less(mean), _stroke(axis), title))
@@ -85,19 +85,19 @@ def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -
     """Return the figure that `plot_components` draws: the signal, and below it the process of each term."""
     signal, model = simulated.signal, simulated.model
     shown = view_of(signal.unit, "allan", units)
-    columns = round(DOTS * PAGE)
+    columns = round(DOTS_OF_MM * PAGE)
     offset = shown.factor * simulated.offset
     name = axis_title(signal.axis) if signal.axis else "Signal"
     less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
     step = simulated.resolution
     steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
     title = f"{name}{less}: {model_text(model.terms)}{steps}"
-    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
+    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, LINE_WIDTH_PT), title)]
     strokes = term_strokes(model.terms, model.processes)
     for term, process in zip(model.terms, model.processes, strict=True):
         path = trace(simulated[term], shown.factor, columns)
         rows.append(
-            _SignalRow(path, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate))
+            _SignalRow(path, Stroke(strokes[term].colour, LINE_WIDTH_PT), term_label(term, process, shown, signal.rate))
         )
     panels = _panels(rows, shown)
     stacked = time_once([(panel,) for panel in panels])
@@ -148,7 +148,7 @@ def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
 
 def _stroke(axis: str) -> Stroke:
     letter = letter_stroke(sensor_and_letter(axis)[1])
-    return Stroke(letter.colour if letter else BLUE, WIDTH)
+    return Stroke(letter.colour if letter else BLUE, LINE_WIDTH_PT)
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
@@ -17,7 +16,8 @@ from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_a
 from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
-from gmwm.showing.plots.fit import LINES
+from gmwm.showing.plots.fit import MOST_SINUSOIDS
+from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import axis_title, model_text
 from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
@@ -66,7 +66,7 @@ def spectrum_panel(
     lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
     marks: list[Mark] = [
         Polyline(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
-        confidence_band(f, lower, upper, colour=BLUE, label=f"{100 * shown.confidence:g} % confidence"),
+        confidence_band(f, lower, upper, colour=BLUE, label=f"{100 * shown.confidence:g} % limits"),
     ]
     curves: list[Polyline] = []
     if model is not None:
@@ -96,7 +96,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     strokes = term_strokes(model.terms, model.processes)
     total, terms = np.zeros(f.size), []
     lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
-    many = len(lines) > LINES
+    many = len(lines) > MOST_SINUSOIDS
     for term, process in zip(model.terms, model.processes, strict=True):
         line = process.line(rate)
         if line is not None:
@@ -146,16 +146,12 @@ def spectra_figure(
     spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
 ) -> Figure:
     """Return the figure that `plot_spectra` draws, with one row for each sensor and one panel for each axis."""
-    rows = [
-        tuple(
-            spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
-            for axis, spectrum in axes.items()
-        )
-        for axes in by_sensor(spectra).values()
-    ]
-    columns = max(len(row) for row in rows)
-    full = tuple((*row, *([None] * (columns - len(row)))) for row in rows)
-    return Figure(full, width=max(70.0 * columns, 100.0), height=20.0 + 62.0 * len(rows), legend_columns=4)
+    return grid_figure(
+        {
+            axis: spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
+            for axis, spectrum in spectra.items()
+        }
+    )
 
 
 @drawing

@@ -21,7 +21,7 @@ from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke
 from gmwm.showing.plots.labels import axis_title, model_text, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
-from gmwm.showing.plots.series import DOTS, quantity_name
+from gmwm.showing.plots.series import DOTS_OF_MM, quantity_name
 from gmwm.showing.plots.style import BLACK, BLUE, PALE
 from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, in_digits, lone_dots, offset_of
 from gmwm.showing.plots.view import UnitSystem, View, view_of
@@ -29,7 +29,7 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS = round(DOTS * PAGE)
+COLUMNS = round(DOTS_OF_MM * PAGE)
 RECORD = Stroke(PALE, 0.5)
 TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)

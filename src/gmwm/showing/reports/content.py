@@ -17,7 +17,7 @@ from gmwm.calibration.first_screen import model_words
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
-from gmwm.choosing.selection.ranking import LISTED
+from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
 from gmwm.measuring.regression.against import WARM_UP
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.reports.citation import citation
@@ -210,7 +210,7 @@ def _test(axis: AxisCalibration, rejected: bool) -> str:
 def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
     rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
-    listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
+    listed = [c for k, c in enumerate(ranking.distinct) if k < MOST_CANDIDATES_LISTED or c.equivalent or c.recommended]
     for candidate in listed:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic

@@ -16,9 +16,9 @@ from gmwm.base.arrays import Vector, runs_of
 from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick
 from gmwm.showing.plots.style import GRID
 
-PIXELS = 4 / 3
+PIXELS_OF_POINT = 4 / 3
 """Number of CSS pixels in a point."""
-DIGITS = 6
+POSITION_DIGITS = 6
 """Number of significant digits of a position, which is more than a screen can show."""
 
 _SYMBOLS: dict[Symbol, str] = {
@@ -101,14 +101,14 @@ class Scale:
 
 
 def _json(values: Vector) -> list[float | None]:
-    """Return values with `DIGITS` significant digits; None for values that are not finite."""
+    """Return values with `POSITION_DIGITS` significant digits; None for values that are not finite."""
     # One format for all values takes half of the time of a format for each.
-    texts = (f"%.{DIGITS - 1}e " * values.size % tuple(values.tolist())).split()
+    texts = (f"%.{POSITION_DIGITS - 1}e " * values.size % tuple(values.tolist())).split()
     return [value if math.isfinite(value) else None for value in map(float, texts)]
 
 
 def _short(value: float) -> float:
-    return float(f"{value:.{DIGITS - 1}e}")
+    return float(f"{value:.{POSITION_DIGITS - 1}e}")
 
 
 def _with_entries(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
@@ -143,7 +143,7 @@ def _look(stroke: Stroke) -> dict[str, Any]:
     modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
     look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
     if stroke.width:
-        width = stroke.width * PIXELS
+        width = stroke.width * PIXELS_OF_POINT
         dash = ",".join(f"{width * part:.3g}px" for part in stroke.dash) or "solid"
         look["line"] = {"color": stroke.colour, "width": _short(width), "dash": dash}
     if stroke.symbol:

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.theory.processes.parameter import Physical
 
-SHORT = 1.0
+WHITE_TIME_S = 1.0
 """Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""
-HALF = 0.5
+HALF_POWER = 0.5
 """Share of the power that defines the bandwidth and the width of a peak."""
-PEAK = 2.0
+RESONANCE_RATIO = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
-STEP = 1e-5
+DIFFERENCE_STEP = 1e-5
 """Relative step and relative error of one-sided differences (tests/processes/test_band_limit.py)."""
 
 Density = Callable[[NDArray[np.float64]], Vector]
@@ -30,7 +30,7 @@ def band_numbers(
 ) -> tuple[Physical, ...]:
     """Return the datasheet numbers of a stationary process with a short correlation time from its two-sided `density`
     (u²/Hz). `slopes` are ∂ ln N / ∂ ln θ, and `free` the densities with each free shape parameter θ multiplied by 1 +
-    `STEP`."""
+    `DIFFERENCE_STEP`."""
     values = _band(density, rate)
     moved = {name: _band(other, rate) for name, other in free.items()}
     numbers = [Physical("N", "white noise density", math.sqrt(_at_zero(density)), 0.5, slopes=slopes)]
@@ -38,7 +38,9 @@ def band_numbers(
         if symbol not in values:
             continue
         value = values[symbol]
-        changes = {name: math.log(other[symbol] / value) / STEP for name, other in moved.items() if symbol in other}
+        changes = {
+            name: math.log(other[symbol] / value) / DIFFERENCE_STEP for name, other in moved.items() if symbol in other
+        }
         power = 0.0 if symbol == "Q_r" else -1.0
         numbers.append(Physical(symbol, title, value, power, signal_power=0, slopes=changes))
     return tuple(numbers)
@@ -56,13 +58,13 @@ def _band(density: Density, rate: float) -> dict[str, float]:
     numbers = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
-    last = int(np.flatnonzero(values >= HALF * low)[-1])
+    last = int(np.flatnonzero(values >= HALF_POWER * low)[-1])
     if last < _POINTS - 1:
         # Above the bandwidth, the density stays below half of its value at low frequencies.
-        numbers["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
+        numbers["f_b"] = _crossing(density, HALF_POWER * low, grid[last], grid[last + 1])
     centre = _peak(density, grid, values)
     top = float(density(np.array([centre]))[0])
-    if top >= PEAK * low and centre < 0.4999 * rate:
+    if top >= RESONANCE_RATIO * low and centre < 0.4999 * rate:
         numbers["f_r"] = centre
         quality = _quality(density, rate, centre, top)
         if quality is not None:
@@ -87,12 +89,12 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
     """Return the resonance frequency divided by the width of the peak at half its power; None if a side does not fall
     to half."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
-    below = grid[density(grid) < HALF * top]
+    below = grid[density(grid) < HALF_POWER * top]
     low, high = below[below < centre], below[below > centre]
     if not low.size or not high.size:
         return None
-    low_end = _crossing(density, HALF * top, centre, low[-1])
-    right = _crossing(density, HALF * top, centre, high[0])
+    low_end = _crossing(density, HALF_POWER * top, centre, low[-1])
+    right = _crossing(density, HALF_POWER * top, centre, high[0])
     return centre / (right - low_end)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -259,16 +259,54 @@ class Process(HaarTheory, ABC):
     ) -> Matrix:
         """Compute the derivatives (n, J, q) of `shape` with respect to the parameters; by central differences of order
         6."""
-        numbers, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
+        return cls._differences(nonlinear, lambda theta: cls.shape(theta, levels, rate, filter))
+
+    @classmethod
+    def _differences(cls, nonlinear: Matrix, function: Callable[[Matrix], Matrix]) -> NDArray[np.float64]:
+        """Compute the derivatives (n, J, q) of a function (n, J) of the parameters."""
+        theta = np.asarray(nonlinear, dtype=np.float64)
         (n, q), steps = theta.shape, 0.01 * cls.room(theta)
         if q == 0:
-            return np.zeros((n, numbers.size, 0))
+            return np.zeros((n, function(theta).shape[1], 0))
         distances, weights = np.array([1, 2, 3, -1, -2, -3]), np.array([45.0, -9.0, 1.0, -45.0, 9.0, -1.0])
         moved = np.tile(theta, (q, 6, 1, 1))
         for k in range(q):
             moved[k, :, :, k] += distances[:, None] * steps[:, k]
-        shapes = cls.shape(moved.reshape(-1, q), numbers, rate, filter).reshape(q, 6, n, numbers.size)
-        return np.asarray(np.einsum("d,kdnj->njk", weights, shapes) / (60.0 * steps[:, None, :]))
+        values = function(moved.reshape(-1, q)).reshape(q, 6, n, -1)
+        return np.asarray(np.einsum("d,kdnj->njk", weights, values) / (60.0 * steps[:, None, :]))
+
+    @classmethod
+    def moments(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """Compute `shape`, and for a filter with lags the moments of the levels −l; see `WaveletFilter`."""
+        if not filter.lags:
+            return cls.shape(nonlinear, levels, rate, filter)
+        places, lags, positive = _apart(filter.numbers(levels))
+        values = cls.shape(nonlinear, positive, rate, HAAR)
+        return np.concatenate([values[:, :1] + cls.lag_covariances(nonlinear, lags, rate), values[:, places]], axis=1)
+
+    @classmethod
+    def moments_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> NDArray[np.float64]:
+        """Compute the derivatives (n, J, q) of `moments` with respect to the parameters."""
+        if not filter.lags:
+            return cls.shape_jacobian(nonlinear, levels, rate, filter)
+        places, lags, positive = _apart(filter.numbers(levels))
+        slopes = cls.shape_jacobian(nonlinear, positive, rate, HAAR)
+        lagged = cls._differences(nonlinear, lambda theta: cls.lag_covariances(theta, lags, rate))
+        return np.concatenate([slopes[:, :1] + lagged, slopes[:, places]], axis=1)
+
+    @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute E W_{1,t} W_{1,t+l} (n, L) of Haar coefficients at lags l, a quarter of the autocovariance of first
+        differences, for scale coefficient 1."""
+        rows = np.empty((len(nonlinear), lags.size))
+        for row, theta in zip(rows, np.asarray(nonlinear), strict=True):
+            process = cls.standard(theta)
+            before, here, after = process.generalised_covariance(lags + np.array([[-1], [0], [1]]), rate)
+            step = float(process.mean(1.0) - process.mean(0.0))
+            row[:] = ((here - before) - (after - here) + step**2) / 4.0
+        return rows
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
@@ -313,7 +351,7 @@ class Process(HaarTheory, ABC):
         """
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
-        shapes = cls.shape(nonlinear, occasion.levels, occasion.rate, occasion.filter)
+        shapes = cls.moments(nonlinear, occasion.levels, occasion.rate, occasion.filter)
         scales = rng.random(draws) * occasion.total / np.sum(shapes, axis=1)
         return np.column_stack([scales, nonlinear])
 
@@ -321,7 +359,7 @@ class Process(HaarTheory, ABC):
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
         """Compute the wavelet variance ν_j² (J,) in u²."""
-        shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
+        shape = self.moments(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
         return np.asarray(self.scale * shape[0], dtype=np.float64)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -543,6 +581,13 @@ class Process(HaarTheory, ABC):
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"
+
+
+def _apart(levels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the places of the levels above 0 among these and level 1, the lags, and these levels."""
+    above = levels[levels > 0]
+    with_first = above if above.size and above[0] == 1 else np.concatenate([[1], above])
+    return np.arange(with_first.size)[with_first.size - above.size :], -levels[levels < 0], with_first
 
 
 def admit_guest_processes() -> None:

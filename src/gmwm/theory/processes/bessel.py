@@ -21,15 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
-LARGEST = 50.0
+LARGEST_SMOOTHNESS = 50.0
 """Upper limit of ν; beyond it, the process is almost infinitely smooth."""
 _PAIRS = 24
 _POWERS = 52
 """Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
-_GONE = 40.0
-"""Cut-off exponent: e^(−40) is below the rounding error of 1."""
 
 Numbers = NDArray[Any]
 
@@ -46,7 +44,8 @@ class Matern:
 
 
 def matern(x: Vector, nu: float) -> Matern:
-    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν < `LARGEST`."""
+    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν <
+    `LARGEST_SMOOTHNESS`."""
     # Distance beyond which the correlation underflows, for any ν up to 50.
     underflow = 1200.0
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
@@ -65,9 +64,9 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
     nodes = 40
     # Upper limit of t: x (cosh t − 1) − νt reaches 40.
-    end = 2.0 * np.arcsinh(np.sqrt(_GONE / (2.0 * x)))
+    end = 2.0 * np.arcsinh(np.sqrt(NEGLIGIBLE_EXPONENT / (2.0 * x)))
     for _ in range(6):
-        end = 2.0 * np.arcsinh(np.sqrt((_GONE + nu * end) / (2.0 * x)))
+        end = 2.0 * np.arcsinh(np.sqrt((NEGLIGIBLE_EXPONENT + nu * end) / (2.0 * x)))
     t = np.arange(nodes + 1) * (end / nodes)[:, None]
     weight = np.exp(-2.0 * x[:, None] * np.sinh(0.5 * t) ** 2) * (end / nodes)[:, None]
     weight[:, 0] *= 0.5
@@ -123,7 +122,7 @@ def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]
 def _pairs(log: float) -> int:
     """Return the number of terms y^i / i!² that are not negligible for the largest y, whose logarithm is `log`."""
     size = np.arange(_PAIRS) * max(log, 0.0) - 2.0 * _LOG_FACTORIALS[:_PAIRS]
-    return int(np.count_nonzero(size > -_GONE))
+    return int(np.count_nonzero(size > -NEGLIGIBLE_EXPONENT))
 
 
 def _relative_exponential(z: Numbers) -> Numbers:
@@ -134,7 +133,7 @@ def _relative_exponential(z: Numbers) -> Numbers:
     return np.asarray(np.where(near, small, np.expm1(far) / far))
 
 
-_LOG_FACTORIALS = np.array([math.lgamma(k + 1.0) for k in range(int(LARGEST) + _PAIRS + 1)])
+_LOG_FACTORIALS = np.array([math.lgamma(k + 1.0) for k in range(int(LARGEST_SMOOTHNESS) + _PAIRS + 1)])
 _INVERSE_FACTORIALS = np.array([1.0 / math.factorial(k + 1) for k in range(20, -1, -1)])
 
 
@@ -161,5 +160,5 @@ def _gamma_powers() -> Matrix:
     """Return the Taylor coefficients of ln Γ about 1, 2, …, highest order first."""
     from scipy.special import psi, zeta
 
-    a, m = np.arange(1.0, LARGEST + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)
+    a, m = np.arange(1.0, LARGEST_SMOOTHNESS + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)
     return np.concatenate([(-1.0) ** (m + 1) * zeta(m + 1, a) / (m + 1), psi(a)], axis=1)

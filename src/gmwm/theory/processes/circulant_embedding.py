@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import MissingTheoryError
 
-LARGEST = 1 << 21
+LARGEST_EMBEDDING = 1 << 21
 """Largest M. The circulant matrix has 2M rows."""
 
 
@@ -41,7 +41,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
     """Compute `amplitudes` for n samples of any autocovariance, with M doubled until no eigenvalue is negative. Raises
     MissingTheoryError at 2^22 rows: it is no autocovariance, or it decays too slowly."""
     half = half_period(n)
-    while half <= LARGEST:
+    while half <= LARGEST_EMBEDDING:
         eigenvalues = _eigenvalues(autocovariance, half)
         # Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding
         # errors.
@@ -49,8 +49,9 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2
     raise MissingTheoryError(
-        f"paths cannot be simulated: no circulant embedding of up to {2 * LARGEST} samples has this autocovariance",
-        largest=2 * LARGEST,
+        f"paths cannot be simulated: no circulant embedding of up to {2 * LARGEST_EMBEDDING} samples has this "
+        "autocovariance",
+        largest=2 * LARGEST_EMBEDDING,
         advice="Check that the autocovariance is positive definite, or define `state_space` or `simulate`.",
     )
 

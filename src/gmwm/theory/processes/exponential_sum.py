@@ -21,15 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
 Kernel = tuple[float, float, Vector, Matrix, NDArray[np.uint8]]
 """A process as `_core.lag_sums` takes it."""
 _SERIES = 0.5
 """|λ| s below which sinh λs − s sinh λ is computed from its series, because its terms would cancel. The kernel uses the
 same limit."""
-_GONE = 40.0
-"""Decay beyond which an exponential is negligible after one step."""
 
 
 def _none() -> Vector:
@@ -106,7 +104,7 @@ class ExponentialSum:
         s, decay = float(stride), self.decays
         turned = s * decay.imag - 2.0 * np.pi * np.round(s * decay.imag / (2.0 * np.pi))
         moved = s * decay.real + 1j * turned
-        half, quick = np.sinh(0.5 * decay), moved.real > _GONE
+        half, quick = np.sinh(0.5 * decay), moved.real > NEGLIGIBLE_EXPONENT
         weights, slopes = -self.amplitudes / (4.0 * half**2), -0.5 * (self.amplitudes / np.tanh(0.5 * decay)).real
         amplitudes = -4.0 * weights * np.sinh(0.5 * np.where(quick, 1.0, moved)) ** 2
         amplitudes = np.where(turned < 0, np.conj(amplitudes), amplitudes)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Vector
 from gmwm.theory.processes import self_similar
 
 Indices = NDArray[np.int64]
@@ -59,8 +59,6 @@ class LagGrid:
         return LagGrid(self.fine[:count], self.coarse[:count], self.lag[:count], odd, pieces=pieces, whole=self)
 
 
-WHITE = 40.0
-"""λ beyond which e^(−λ) is below the rounding error of 1."""
 WANDERING = 1e-40
 """λ below which the process is treated as a random walk with innovation variance 2λ, because 1/λ² would overflow."""
 
@@ -97,7 +95,7 @@ def power(at: LagGrid, exponent: float) -> Vector:
 
 def exponential(at: LagGrid, decay: float) -> Vector:
     """Compute the covariances (n,) for the autocovariance e^(−λ|k|) with λ = `decay`."""
-    if decay > WHITE:
+    if decay > NEGLIGIBLE_EXPONENT:
         return white(at)
     if decay < WANDERING:
         return 2 * decay * walk(at)

@@ -44,7 +44,7 @@ class HaarTheory:
     def memory(self, rate: float) -> int | None:
         """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.
         It is 0 if `coefficient_covariance` is a closed form, and None if L is unknown or exceeds
-        `short_memory.LONGEST`. For None, the covariance of wavelet variances takes seconds at 10^6 samples."""
+        `short_memory.LONGEST_LAGS`. For None, the covariance of wavelet variances takes seconds at 10^6 samples."""
         return 0 if cast("Process", self)._gives("coefficient_covariance") else None
 
     def decays(self, rate: float) -> tuple[float, ...]:

@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 STEP = math.log(8.0)
 """Step of ln b; a factor of 8 leaves a ripple of 0.6 % in flicker noise (tests/processes/test_ladder.py)."""
-FASTEST = 4.0
+FASTEST_RATE = 4.0
 """Largest b in 1/sample: faster processes are treated as white noise."""
-BAND = 22
+LADDER_OCTAVES = 22
 """The state space of power-law noise approximates the Allan deviation up to 2^BAND samples."""
 SMOOTHEST = 5.0
 """Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
@@ -53,15 +53,17 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     alpha = 1.0 + epsilon
     # The slowest process has a correlation time of at least 2^(BAND + 5) samples, so that it acts as a random walk over
     # 2^BAND samples.
-    count = 1 + math.ceil((math.log(FASTEST) + (BAND + 5) * math.log(2.0)) / STEP)
-    b = FASTEST * np.exp(-STEP * np.arange(count))
+    count = 1 + math.ceil((math.log(FASTEST_RATE) + (LADDER_OCTAVES + 5) * math.log(2.0)) / STEP)
+    b = FASTEST_RATE * np.exp(-STEP * np.arange(count))
     # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
     # the factors α and 2 − α cancel with those of the geometric series.
     size = float(unit_factor(np.asarray(epsilon))) * (1.0 + alpha) / math.gamma(3.0 - alpha)
     s2 = 0.5 * size * alpha * (2.0 - alpha) * STEP * b ** (1.0 - alpha)
     series = float(over_exponent(np.asarray(alpha - 2.0), np.asarray(STEP)))
     s2[-1] = 0.5 * size * alpha * STEP * b[-1] ** (1.0 - alpha) / series
-    white = size * (2.0 - alpha) * STEP * FASTEST**-alpha / float(over_exponent(np.asarray(alpha), np.asarray(STEP)))
+    white = (
+        size * (2.0 - alpha) * STEP * FASTEST_RATE**-alpha / float(over_exponent(np.asarray(alpha), np.asarray(STEP)))
+    )
     # Largest b (1/sample) of the processes in the continuous-time model. White noise replaces faster processes, whose
     # samples would add too much noise because they are not averaged over the sampling interval.
     fast = b > 0.1
@@ -110,7 +112,7 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
 
     chain = max(0, math.ceil(nu - 0.5))
     p = nu + 0.5 - chain
-    top = max((FASTEST / unit) ** 2 - 1.0, 1.0)
+    top = max((FASTEST_RATE / unit) ** 2 - 1.0, 1.0)
     step = 2.0 * STEP
     g = top * np.exp(-step * np.arange(1 + math.ceil(math.log(top / 0.02) / step)))
     # The weights of the mixture at the nodes g, up to a common factor.
@@ -154,7 +156,7 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
 
 def start_at_zero(process: Process, rate: float) -> StateSpace:
     """Return the state space in which power-law noise starts at zero, as a random walk does: it has no stationary
-    distribution, and the initial variance of its slowest states only depends on `BAND`."""
+    distribution, and the initial variance of its slowest states only depends on `LADDER_OCTAVES`."""
     space = process.state_space(rate)
     if process.stationary or not process.approximate or not process.scale:
         return space
@@ -174,8 +176,10 @@ def state_space_error(process: Process, rate: float) -> float:
     """
     if not process.approximate or process.scale == 0:
         return 0.0
-    implied = 2.0 * process.state_space(rate).haar_variance(BAND + 1)
-    error = float(np.max(np.abs(np.sqrt(implied / process.allan_variance(2 ** np.arange(BAND + 1), rate)) - 1.0)))
+    implied = 2.0 * process.state_space(rate).haar_variance(LADDER_OCTAVES + 1)
+    error = float(
+        np.max(np.abs(np.sqrt(implied / process.allan_variance(2 ** np.arange(LADDER_OCTAVES + 1), rate)) - 1.0))
+    )
     # Relative error of the Allan deviation below which a state space counts as exact.
     return error if error > 1e-9 else 0.0
 
@@ -188,5 +192,5 @@ def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Re
         return ()
     # The numbers are rounded, so that axes with the same approximation share one remark.
     share = Quantity(float(f"{100.0 * max(errors.values()):.2g}"), "%")
-    longest = Quantity(float(f"{2.0**BAND / rate:.3g}"), "s")
+    longest = Quantity(float(f"{2.0**LADDER_OCTAVES / rate:.3g}"), "s")
     return (Remark.of("approximated", axis, case="states", terms=tuple(errors), error=share, longest=longest),)

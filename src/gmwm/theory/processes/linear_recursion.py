@@ -23,12 +23,12 @@ from gmwm.base.errors import ModelError
 from gmwm.base.remarks import Remark
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import rational
-from gmwm.theory.processes.band_limit import SHORT, STEP, Density, band_numbers
+from gmwm.theory.processes.band_limit import DIFFERENCE_STEP, WHITE_TIME_S, Density, band_numbers
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ordered import Ordered, Polynomial
 from gmwm.theory.processes.parameter import Parameter, Physical
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
+from gmwm.theory.processes.short_memory import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -129,6 +129,15 @@ class Lagged(Ordered, abstract=True, listed=False):
         out = np.empty((*rows.shape, int(numbers[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
         return np.ascontiguousarray(np.swapaxes(out[:, :, numbers - 1], 1, 2))
+
+    @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute E W_{1,t} W_{1,t+l} (n, L) for innovation variance 1."""
+        every = np.arange(lags.max() + 2)
+        values = np.empty((len(nonlinear), every.size))
+        for row, theta in zip(values, np.ascontiguousarray(nonlinear, dtype=np.float64), strict=True):
+            _core.arma_autocovariance(cls.full_orders(), theta, every, True, row)
+        return np.asarray((2.0 * values[:, lags] - values[:, lags - 1] - values[:, lags + 1]) / 4.0)
 
     @classmethod
     @cache
@@ -277,11 +286,17 @@ class Lagged(Ordered, abstract=True, listed=False):
     def physical(self, rate: float) -> tuple[Physical, ...]:
         """Return the density N, the bandwidth and the resonance if the correlation time is below 1 s, else nothing."""
         time = self.correlation_time(rate)
-        if time is None or time >= SHORT or self.scale == 0:
+        if time is None or time >= WHITE_TIME_S or self.scale == 0:
             return ()
         free = tuple(p.name for p in self.nonlinear_parameters() if not self.is_fixed(p.name))
         density, *others = _band_numbers(type(self), tuple(self.nonlinear.tolist()), free, as_rate(rate))
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
+
+    @property
+    def recursion_polynomials(self) -> tuple[Vector, Vector]:
+        """Coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), from the lag 0 on."""
+        phi, theta, _, _ = self._recursion()
+        return np.concatenate([[1.0], -phi]), np.concatenate([[1.0], theta])
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
         """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and, to start a simulation, the coefficients of the
@@ -321,7 +336,7 @@ def _band_numbers(
             # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
             slopes[parameter.name] = parameters[k] / (1 - sign * float(values.sum()))
             if parameter.name in free:
-                stepped = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
+                stepped = np.where(np.arange(at.size) == k, at * (1 + DIFFERENCE_STEP), at)
                 moved[parameter.name] = partial(process._density, stepped, rate=rate)
     return band_numbers(partial(process._density, at, rate=rate), rate, slopes, free=moved)
 
@@ -345,7 +360,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
         apart[k] = not seasonal_p and np.all(np.abs(others - roots[k]) > 0.1 * (1.0 - abs(roots[k])))
     size = np.concatenate([np.abs(roots[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
-    if reach > 2 * LONGEST:
+    if reach > 2 * LONGEST_LAGS:
         return None
     count = int(np.count_nonzero(apart))
     r, exponentials = np.empty(reach + 1), np.empty((4, count))
@@ -373,7 +388,7 @@ def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[f
     brief = (modulus < _BRIEF) | (modulus**ahead < _SMALL)
     upper, longest = roots[~brief & (roots.imag >= 0)], modulus[brief].max(initial=0.0)
     reach = ahead + roots.size + (math.ceil(math.log(negligible) / math.log(longest)) if longest > 0 else 0)
-    if reach > 2 * LONGEST:
+    if reach > 2 * LONGEST_LAGS:
         return None
     table, rows = np.empty(reach + 1), np.empty((4, upper.size))
     _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
@@ -395,7 +410,7 @@ def _lasting(modulus: float) -> float:
     if modulus == 0.0:
         return 0.0
     decay = -math.log(min(modulus, 1.0 - 2.0**-53))
-    return (-math.log(NEGLIGIBLE) + 3.0 * math.log1p(1.0 / decay)) / decay
+    return (-math.log(NEGLIGIBLE_CORRELATION) + 3.0 * math.log1p(1.0 / decay)) / decay
 
 
 def _sign(part: Polynomial) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
@@ -31,8 +31,6 @@ FEW_TIMES = 30
 SEARCH_BEND = 0.01
 """The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above. At λ = `SEARCH_BEND`/N a recording
 of N samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
-SEARCH_HIGH = 40.0
-"""Largest λ of the search: the autocorrelation at one sample is e^(−40) = 4·10⁻¹⁸, below the rounding error of 1."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class _DecayCoordinate:
 
     @property
     def high(self) -> float:
-        return self.of(SEARCH_HIGH)
+        return self.of(NEGLIGIBLE_EXPONENT)
 
     def decay(self, u: Vector) -> Vector:
         """Return λ at coordinates u."""
@@ -116,7 +114,7 @@ class _Markov(Process, abstract=True):
     def exponential_sum(self, rate: float) -> ExponentialSum:
         """Return the exponential s²φ^|k|."""
         s2, sign, lam = self._pole(as_rate(rate))
-        if lam > haar_covariance.WHITE:
+        if lam > NEGLIGIBLE_EXPONENT:
             return ExponentialSum(white=s2)
         if lam < haar_covariance.WANDERING:
             return ExponentialSum(walk=2 * lam * s2)
@@ -254,6 +252,12 @@ class AR1(_Markov):
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute −φ^(l−1) (1 − φ)/(1 + φ)/4 (n, L) for innovation variance 1."""
+        phi = np.asarray(nonlinear)[:, :1]
+        return np.asarray(phi ** (lags - 1) * (phi - 1.0) / (1.0 + phi) / 4.0)
+
+    @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return the search branches φ = e^(−λ) and φ = −e^(−λ)."""
         # For φ → −1 the limit is a random walk of alternating sign, which gmwm does not include.
@@ -339,6 +343,12 @@ class GM(_Markov):
         return (slope / rate)[:, :, None]
 
     @classmethod
+    def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
+        """Compute −φ^(l−1) (1 − φ)²/4 (n, L) for marginal variance 1, φ = e^(−βΔt)."""
+        decay = np.asarray(nonlinear)[:, :1] / rate
+        return np.asarray(-np.exp(-decay * (lags - 1)) * np.expm1(-decay) ** 2 / 4.0)
+
+    @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return one search branch, from a random walk (small β) to white noise (large β)."""
         along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-8)
@@ -356,7 +366,7 @@ class GM(_Markov):
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
-        decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
+        decay = np.minimum(exponential.log_decay(drawn[:, 1]), NEGLIGIBLE_EXPONENT)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:

@@ -15,13 +15,13 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import circulant_embedding, smooth_autocovariance
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.bessel import LARGEST, matern
+from gmwm.theory.processes.bessel import LARGEST_SMOOTHNESS, matern
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trim
+from gmwm.theory.processes.short_memory import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -68,7 +68,7 @@ class MAT(Process):
     title = "Matérn process"
     parameters = (
         Parameter("beta", "β", "inverse scale of time", time_power=-1),
-        Parameter("nu", "ν", "smoothness", domain="between", limits=(0.0, LARGEST)),
+        Parameter("nu", "ν", "smoothness", domain="between", limits=(0.0, LARGEST_SMOOTHNESS)),
         Parameter("sigma2", "σ²", "marginal variance", signal_power=2, scale_power=1),
     )
 
@@ -279,7 +279,7 @@ class MAT(Process):
 @lru_cache(maxsize=64)
 def _short_memory(unit: float, nu: float) -> ShortMemory | None:
     """Return the correlation at the lags 0, 1, 2, … for β = `unit` per sample; None if it decays too slowly."""
-    if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
+    if matern(np.array([LONGEST_LAGS * unit]), nu).correlation[0] > NEGLIGIBLE_CORRELATION:
         return None
     lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)
     table = trim(matern(lags * unit, nu).correlation)

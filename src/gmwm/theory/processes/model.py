@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import Matrix, Vector, as_rate
 from gmwm.base.documents import write_as_text
 from gmwm.base.errors import ModelError
 from gmwm.recording.signals import Signal
@@ -338,17 +338,18 @@ class Model(KalmanMethods):
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
         """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
         self._require_complete("Jacobian")
-        numbers, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
+        rate, wavelet, columns = as_rate(rate), find_filter(filter), []
+        numbers = wavelet.numbers(levels)
         for process in self.processes:
             theta = process.nonlinear.reshape(1, -1)
-            slopes = iter((process.scale * process.shape_jacobian(theta, numbers, rate, wavelet)[0]).T)
+            slopes = iter((process.scale * process.moments_jacobian(theta, numbers, rate, wavelet)[0]).T)
             for parameter in process.parameters:
                 if (power := parameter.scale_power) is None:
                     columns.append(next(slopes))
                 else:
                     # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
                     factor = power * process.value(parameter.name) ** (power - 1)
-                    columns.append(factor * process.shape(theta, numbers, rate, wavelet)[0])
+                    columns.append(factor * process.moments(theta, numbers, rate, wavelet)[0])
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:

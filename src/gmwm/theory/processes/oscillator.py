@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate, freeze
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
+from gmwm.theory.processes import exponential
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
-from gmwm.theory.processes.haar_covariance import WHITE
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_lags
 from gmwm.theory.statespace import StateSpace
@@ -24,12 +23,9 @@ from gmwm.theory.statespace import StateSpace
 CRITICAL, SHARPEST = 0.5, 1e9
 """Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
 periods cannot distinguish larger ones from a sinusoid."""
-PERIODIC = 2.0
+PERIODIC_QUALITY = 2.0
 """Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
 that at the peak."""
-_SLOW, _CRITICALLY = 0.3, 0.01
-"""Angle (rad) in half a scale below which the series is used, and ratio ω/a below which the general method of state
-spaces is (tests/processes/test_oscillator.py)."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
 
@@ -95,21 +91,12 @@ class OSC(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """Compute the wavelet variance (n, J) of n oscillators for σ² = 1, in closed form for the Haar filter.
-
-        With z = e^(−(a − iω)Δt), h = 2^(j−1) and c = 1 − ia/ω, it is the real part of c [2h (1 + z)/(1 − z) − 2z
-        (1 − z^h)(3 − z^h)/(1 − z)²]/4h². The terms would cancel for slow oscillations, whose autocovariance is a power
-        series.
-        """
-        frequency, quality = np.asarray(nonlinear, dtype=np.float64).reshape(-1, 2).T
-        natural = 2.0 * math.pi * frequency[:, None] / rate
-        damping = 0.5 * natural / quality[:, None]
-        turn = np.sqrt((natural - damping) * (natural + damping))
-        if filter is not HAAR or np.any((turn < _CRITICALLY * damping) | (turn > math.pi)):
+        """Compute the wavelet variances (n, J) for σ² = 1; for the Haar filter in closed form."""
+        natural, ratio = 2.0 * math.pi / as_rate(rate) * np.asarray(nonlinear)[:, 0], 0.5 / np.asarray(nonlinear)[:, 1]
+        turn = natural * np.sqrt((1.0 - ratio) * (1.0 + ratio))
+        if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
-        if len(turn) == 1:
-            return _only_shape(float(natural[0, 0]), float(quality[0]), tuple(as_levels(levels).tolist()))
-        return _shape(natural, quality, as_levels(levels))
+        return exponential.oscillation_shape(natural * ratio, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k)."""
@@ -136,7 +123,7 @@ class OSC(Process):
         # At Q = ½ the two exponentials coincide. This changes the autocovariance by 1e-6 there.
         turn = max(turn, 1e-3 * damping)
         decay, cycle = damping / as_rate(rate), math.fmod(turn / rate, 2.0 * math.pi)
-        if decay > WHITE:
+        if decay > NEGLIGIBLE_EXPONENT:
             return ExponentialSum(white=self.scale)
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
@@ -176,8 +163,8 @@ class OSC(Process):
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
     def oscillation(self) -> float | None:
-        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC`."""
-        return self.value("frequency") if self.value("quality") >= PERIODIC else None
+        """Return the frequency f₀ (Hz) if Q is at least `PERIODIC_QUALITY`."""
+        return self.value("frequency") if self.value("quality") >= PERIODIC_QUALITY else None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return a remark on an oscillation with a period above 3 s, which N and K for a horizon of 1 s leave out."""
@@ -207,47 +194,3 @@ class OSC(Process):
         natural, quality = 2.0 * math.pi * self.value("frequency"), self.value("quality")
         ratio = 0.5 / quality
         return natural * ratio, natural * math.sqrt((1.0 - ratio) * (1.0 + ratio))
-
-
-@lru_cache(maxsize=1)
-def _moments() -> list[Vector]:
-    """Return, for n = 2 … 13, the polynomial in 1/h whose value is the Haar wavelet variance of the autocovariance
-    (|k|/h)^n at the scale 2h."""
-    from scipy.special import bernoulli, binom
-
-    def power_sum(p: int) -> Vector:
-        """Return the coefficients of Σ_{k<m} k^p in m, the highest first."""
-        return np.append(binom(p + 1, np.arange(p + 1)) * bernoulli(p + 1)[: p + 1] / (p + 1), 0.0)
-
-    polynomials = []
-    for n in range(2, 14):
-        # Σ (m − k) k^n over |k| < m, as coefficients of m^(n+2), m^(n+1), …
-        sums = 2 * (np.append(power_sum(n), 0.0) - power_sum(n + 1))
-        powers = n + 2 - np.arange(sums.size)
-        # [4 V(h) − V(2h)]/4h², relative to h^n, is a polynomial in 1/h. Its constant term comes last.
-        polynomials.append((sums * (4 - 2.0**powers) / 4)[::-1])
-    return polynomials
-
-
-@lru_cache(maxsize=256)
-def _only_shape(natural: float, quality: float, levels: tuple[int, ...]) -> Matrix:
-    """Return the shape (1, J) of an oscillator, which the search for a model holds."""
-    return freeze(_shape(np.array([[natural]]), np.array([quality]), np.array(levels)))
-
-
-def _shape(natural: Matrix, quality: Vector, levels: NDArray[np.int64]) -> Matrix:
-    """Return the wavelet variance (n, J) of oscillators with the angular frequencies `natural` (n, 1) per sample."""
-    damping = 0.5 * natural / quality[:, None]
-    turn = np.sqrt((natural - damping) * (natural + damping))
-    half = 2.0 ** (levels - 1.0)
-    decay = damping - 1j * turn
-    z, end = np.exp(-decay), np.exp(-decay * half)
-    before = -np.expm1(-decay)
-    total = 2 * half * (1 + z) / before - 2 * z * (1 - end) * (3 - end) / before**2
-    fast = np.real((1 - 1j * damping / turn) * total) / (4 * half**2)
-    x = np.minimum(natural * half, _SLOW)
-    series, previous, last = np.zeros(x.shape), np.ones((quality.size, 1)), np.zeros((quality.size, 1))
-    for n, moments in enumerate(_moments(), start=2):
-        previous, last = last, -((n - 1) / quality[:, None] * last + previous) / (n * (n - 1))
-        series += last * x**n * np.polyval(moments, 1 / half)
-    return np.where(natural * half < _SLOW, series, fast)

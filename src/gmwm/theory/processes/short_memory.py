@@ -16,9 +16,9 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.haar_covariance import LagGrid
 
-LONGEST = 2048
+LONGEST_LAGS = 2048
 """Largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks."""
-NEGLIGIBLE = 1e-11
+NEGLIGIBLE_CORRELATION = 1e-11
 """Relative size of ρ(m) that is left out; the error of the covariance is then below 1e-10."""
 
 
@@ -48,8 +48,8 @@ class ShortMemory:
 def trim(autocovariance: Vector) -> Vector | None:
     """Truncate an autocovariance, given at enough lags, where it becomes negligible; None if this lag is too large."""
     tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
-    least = NEGLIGIBLE * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
+    least = NEGLIGIBLE_CORRELATION * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
     # tails[m] is −ρ(m), and r(m + 1) is a part of it.
     felt = (np.abs(tails) > least) | (np.abs(autocovariance[1:]) > least)
     lags = int(np.flatnonzero(felt)[-1]) + 1 if felt.any() else 0
-    return freeze(autocovariance[: lags + 1].copy()) if lags <= LONGEST else None
+    return freeze(autocovariance[: lags + 1].copy()) if lags <= LONGEST_LAGS else None

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.theory.filters import WaveletFilter
 
-NODES = 20
+NODES_OF_OCTAVE = 20
 """Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20."""
 _SPILL = 8
 """Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
@@ -52,17 +52,17 @@ def sums(filter: WaveletFilter, level: int) -> LagSums:
     reach, octaves = _reach(filter), level + _SPILL
     near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
     detail = np.correlate(filter.wavelet, filter.wavelet, "full")[filter.length - 1 :] / 2.0
-    near, far = np.zeros(reach + 1), np.zeros((octaves + 2, NODES))
+    near, far = np.zeros(reach + 1), np.zeros((octaves + 2, NODES_OF_OCTAVE))
     near[: filter.length] = detail * np.where(np.arange(filter.length) > 0, 2.0, 1.0)
-    rows = np.empty((level, reach + 1 + octaves * NODES))
+    rows = np.empty((level, reach + 1 + octaves * NODES_OF_OCTAVE))
     for j in range(level):
         rows[j] = np.concatenate([near, far[:octaves].ravel()])
         from_near, spread = near @ near_step, np.zeros_like(far)
         parts = (far[:octaves, None] @ far_step)[:, 0]
         for k in range(3):
-            spread[k : k + octaves] += parts[:, k * NODES : (k + 1) * NODES]
+            spread[k : k + octaves] += parts[:, k * NODES_OF_OCTAVE : (k + 1) * NODES_OF_OCTAVE]
         near = from_near[: reach + 1]
-        spread[:2] += from_near[reach + 1 :].reshape(2, NODES)
+        spread[:2] += from_near[reach + 1 :].reshape(2, NODES_OF_OCTAVE)
         far = spread
     return LagSums(freeze(spread_places(reach, octaves)), freeze(rows))
 
@@ -77,11 +77,11 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
     """Return the matrix (T + 1, T + 1 + 2 NODES) of A_{i+1} at lags 0 … T from A_i there and in the first two
     octaves."""
     lags = np.arange(2 * reach + filter.length)
-    takes = np.eye(lags.size, reach + 1 + 2 * NODES)
+    takes = np.eye(lags.size, reach + 1 + 2 * NODES_OF_OCTAVE)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
-        start = reach + 1 + octave * NODES
+        start = reach + 1 + octave * NODES_OF_OCTAVE
         takes[here] = 0.0
-        takes[here, start : start + NODES] = _polynomials(lags[here] / (reach << octave))
+        takes[here, start : start + NODES_OF_OCTAVE] = _polynomials(lags[here] / (reach << octave))
     twice, table = 2 * np.arange(reach + 1), np.zeros((reach + 1, takes.shape[1]))
     for n, weight in enumerate(np.correlate(filter.scaling, filter.scaling, "full") / 2.0, 1 - filter.length):
         table += weight * takes[np.abs(twice - n)]
@@ -94,14 +94,19 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
     octaves."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
-    table = np.zeros((octaves, NODES, 3 * NODES))
+    table = np.zeros((octaves, NODES_OF_OCTAVE, 3 * NODES_OF_OCTAVE))
     for p in range(octaves):
         # In units of the start of the octave.
         lags = 2.0 * (1.5 + 0.5 * _points())[:, None] - np.ldexp(n / reach, -p)
         octave = np.clip(np.floor(np.log2(lags)).astype(np.int64), 0, 2) if p < _SPILL else np.ones(lags.shape, int)
-        rows = _polynomials(np.ldexp(lags, -octave).ravel()).reshape(NODES, n.size, NODES) * smooth[:, None]
+        rows = (
+            _polynomials(np.ldexp(lags, -octave).ravel()).reshape(NODES_OF_OCTAVE, n.size, NODES_OF_OCTAVE)
+            * smooth[:, None]
+        )
         for k in range(3):
-            table[p, :, k * NODES : (k + 1) * NODES] = np.sum(np.where((octave == k)[:, :, None], rows, 0.0), axis=1)
+            table[p, :, k * NODES_OF_OCTAVE : (k + 1) * NODES_OF_OCTAVE] = np.sum(
+                np.where((octave == k)[:, :, None], rows, 0.0), axis=1
+            )
     return freeze(table)
 
 
@@ -135,10 +140,10 @@ def _pieces(
 def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
     """Compute Gauss rules for sums over M consecutive integers, M from `counts` (n,): nodes about the centre and
     weights (n, NODES). Their Jacobi matrices have b_i = i² (M² − i²)/(4(4i² − 1)); b_M = 0 removes surplus nodes."""
-    i = np.arange(1.0, NODES)
+    i = np.arange(1.0, NODES_OF_OCTAVE)
     b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
-    matrices = np.zeros((counts.size, NODES, NODES))
-    matrices[:, np.arange(1, NODES), np.arange(NODES - 1)] = np.sqrt(b)
+    matrices = np.zeros((counts.size, NODES_OF_OCTAVE, NODES_OF_OCTAVE))
+    matrices[:, np.arange(1, NODES_OF_OCTAVE), np.arange(NODES_OF_OCTAVE - 1)] = np.sqrt(b)
     nodes, vectors = np.linalg.eigh(matrices)
     return np.asarray(nodes), np.asarray(counts[:, None] * vectors[:, 0, :] ** 2)
 
@@ -147,7 +152,7 @@ def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
     """Interpolate a function at integer lags ≥ 0 from its values at the lags of `spread_places`."""
     # Number of lags that are interpolated at once, so that they fit into the cache.
     batch = 2**14
-    out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
+    out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES_OF_OCTAVE) @ _coefficients().T
     for start in range(0, lags.size, batch):
         part, target = lags[start : start + batch], out[start : start + batch]
         where = np.where(part <= reach, -1, np.frexp((part - 0.5) / reach)[1] - 1)
@@ -165,16 +170,16 @@ def spread_places(reach: int, octaves: int) -> Vector:
 
 
 def _points() -> Vector:
-    return np.asarray(chebyshev.chebpts1(NODES))
+    return np.asarray(chebyshev.chebpts1(NODES_OF_OCTAVE))
 
 
 @lru_cache(maxsize=1)
 def _coefficients() -> Matrix:
     """Return the matrix that maps values at the Chebyshev points to the coefficients of Chebyshev polynomials."""
-    table = chebyshev.chebvander(_points(), NODES - 1).T
-    return np.asarray(table * np.where(np.arange(NODES) > 0, 2.0, 1.0)[:, None] / NODES)
+    table = chebyshev.chebvander(_points(), NODES_OF_OCTAVE - 1).T
+    return np.asarray(table * np.where(np.arange(NODES_OF_OCTAVE) > 0, 2.0, 1.0)[:, None] / NODES_OF_OCTAVE)
 
 
 def _polynomials(x: Vector) -> Matrix:
     """Return the matrix that maps values at the Chebyshev points of the octave [1, 2] to values at x."""
-    return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES - 1) @ _coefficients())
+    return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES_OF_OCTAVE - 1) @ _coefficients())

@@ -10,7 +10,7 @@ from typing import Any
 from dash import dcc, html
 
 from gmwm.applications.app.figures import Drawn
-from gmwm.applications.app.jobs import QUICK, Job
+from gmwm.applications.app.jobs import SILENT_S, Job
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, Remark, texts, with_groups
 from gmwm.showing.reports.verdict import state_of
@@ -111,7 +111,7 @@ def by_severity(found: Iterable[Remark]) -> Any:
 def of_job(job: Job, show: Callable[[Any], Any], *, comes: str = "") -> Any:
     """Return the component that `show` makes from the result of a job, or a text with the state of the job. While the
     job runs, the text says what `comes`, and the page adds the progress of the job."""
-    job.join(QUICK)
+    job.join(SILENT_S)
     if job.state == "done":
         return show(job.value)
     if job.state == "failed":
