@@ -29,6 +29,7 @@ PAGES = (
     DOCS / "howto" / "conditions.md",
     DOCS / "howto" / "contaminated.md",
     DOCS / "howto" / "recordings.md",
+    DOCS / "next" / "gnss-series.md",
     DOCS / "next" / "consistency.md",
     *sorted((DOCS / "concepts").glob("*.md")),
 )

@@ -32,7 +32,7 @@ def test_the_coefficients_are_printed_and_written(gmwm, turned, tmp_path):
     shown = run(gmwm, turned, "--output", tmp_path)
     assert shown.code == 0
     assert "WN.sigma2 (rate^2)" in shown.out
-    assert {"fits.json", "fit_gyro_z.png"} == {path.name for path in tmp_path.iterdir()}
+    assert {"fits.json", "fit_gyro_z.png", "numbers_gyro_z.csv"} == {path.name for path in tmp_path.iterdir()}
     found = run(gmwm, turned, "--json").json["axes"]["gyro_z"]
     assert found["estimates"]["WN.sigma2 (rate^2)"]["value"] == pytest.approx(1e-6 / 2500, rel=0.1)
     assert [one["condition"] for one in found["conditions"]] == [0.0, 50.0, 100.0]
@@ -79,3 +79,22 @@ def test_parts_at_one_condition_are_joined_in_order(turned):
     table = ConditionTable.read(turned / "rates.csv")
     assert table.condition == "rate"
     assert table.parts == {0.0: [(0.0, 40.0), (150.0, 190.0)], 50.0: [(45.0, 95.0)], 100.0: [(100.0, 145.0)]}
+
+
+def test_a_condition_that_moves(gmwm, tmp_path):
+    rng, t = np.random.default_rng(2), np.arange(30_000) / 100
+    rate = 100 * np.abs((t / 100) % 2 - 1)
+    noise = 1e-3 * np.sqrt(1 + (rate / 50) ** 2) * rng.normal(size=t.size)
+    package.Imu.from_arrays({"gyro_z": noise}, rate=100).write(tmp_path / "ramp.csv")
+    (tmp_path / "rates.csv").write_text("time,rate\n0,100\n100,0\n200,100\n300,0\n")
+    arguments = ("--model", "WN", "--conditions", tmp_path / "rates.csv", "--varies", "WN: 1 + rate**2")
+    outcome = gmwm("fit", tmp_path / "ramp.csv", *arguments, "--output", tmp_path / "out")
+    assert outcome.code == 0, outcome.err
+    assert "the whole recording, because rate changes too fast" in outcome.out
+    table = (tmp_path / "out" / "numbers_gyro_z.csv").read_text().splitlines()
+    assert table[0] == "rate,N,K"
+    assert len(table) == 9
+    (tmp_path / "rates.csv").write_text("time,rate\n0,100\n100,0\n")
+    assert "known from 0 to 100 s" in gmwm("fit", tmp_path / "ramp.csv", *arguments).err
+    (tmp_path / "rates.csv").write_text("time,rate\n0,100\n0,0\n")
+    assert "ascending" in gmwm("fit", tmp_path / "ramp.csv", *arguments).err

@@ -158,7 +158,7 @@ def test_what_a_user_sees(tmp_path):
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000
     panels = plots.cross_figure(found).panels
-    assert [panel.title for panel in panels][:2] == ["gyro_x, gyro_y", "gyro_x, gyro_z"]
+    assert [panel.title for panel in panels][:2] == ["Gyroscope X, Y", "Gyroscope X, Z"]
     assert repr(found).startswith("CrossCovariance(gyro_x, ")
 
 

@@ -156,7 +156,7 @@ def test_what_a_user_sees(fitted, tmp_path):
     fitted.plot(path=tmp_path / "joint.png")
     assert (tmp_path / "joint.png").stat().st_size > 10_000
     titles = [panel.title for panel in joint_figure(fitted).panels]
-    assert titles[:3] == ["gyro_x", "gyro_x, gyro_y", "gyro_y"]
+    assert titles[:3] == ["Gyroscope X", "Gyroscope X, Y", "Gyroscope Y"]
     with pytest.raises(OptionError):
         fitted.shared("GM")
 

@@ -73,7 +73,9 @@ def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name
     else:
         # A filter with two vanishing moments leaves next to nothing of a power law near α = 3.
         few = 1e-12 if name in oracle.STRIDES else 2e-13
-        np.testing.assert_allclose(shapes, exact, rtol=few)
+        # Under other filters than Haar, an oscillator is the difference of its block sums, relative to its variance.
+        rounding = 1e-13 if name == "OSC" and filter_name != "haar" else 0.0
+        np.testing.assert_allclose(shapes, exact, rtol=few, atol=rounding)
 
 
 @pytest.mark.slow

@@ -109,6 +109,15 @@ def gauss_markov(g: list[mp.mpf], lam: float, levels: int) -> list[mp.mpf]:
         return _alternating(g, phi, levels)
 
 
+def oscillator(g: list[mp.mpf], frequency: float, quality: float, rate: float, levels: int) -> list[mp.mpf]:
+    """ν_j² of a damped oscillator of variance 1, whose autocovariance is Re (1 − iα/ω) e^((−α + iω)|k|)."""
+    with mp.workdps(DIGITS):
+        natural, ratio = 2 * mp.pi * mp.mpf(frequency) / mp.mpf(rate), 1 / (2 * mp.mpf(quality))
+        damping, turn = natural * ratio, natural * mp.sqrt(1 - ratio**2)
+        terms = _alternating(g, mp.exp(mp.mpc(-damping, turn)), levels)
+        return [(mp.mpc(1, -damping / turn) * v).real for v in terms]
+
+
 def autoregression(g: list[mp.mpf], phi: float, levels: int) -> list[mp.mpf]:
     """ν_j² of an AR(1) process with innovation variance 1."""
     with mp.workdps(DIGITS):
@@ -247,6 +256,7 @@ SHAPES: dict[str, Callable[[list[mp.mpf], list[float], float, int], list[mp.mpf]
     "DR": lambda g, theta, rate, levels: drift(g, levels),
     "AR1": lambda g, theta, rate, levels: autoregression(g, theta[0], levels),
     "GM": lambda g, theta, rate, levels: gauss_markov(g, theta[0] / rate, levels),
+    "OSC": lambda g, theta, rate, levels: oscillator(g, theta[0], theta[1], rate, levels),
     "FN": lambda g, theta, rate, levels: [v * mp.ln(2) / mp.pi for v in power(g, mp.mpf(0), levels)],
     "PL": lambda g, theta, rate, levels: power(g, mp.mpf(theta[0]) - 1, levels),
     "FGN": lambda g, theta, rate, levels: [

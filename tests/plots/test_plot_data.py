@@ -156,7 +156,7 @@ def test_terms_that_are_zero_share_an_entry_without_a_curve(fit):
 
 def test_what_acts_as_another_process_says_so(fit):
     acting = replace(fit, diagnostics=replace(fit.diagnostics, acts_as={"GM": "WN"}))
-    assert any(label.endswith("(acts as WN)") for label in fit_panel(acting).labels)
+    assert any(label.endswith("(like WN)") for label in fit_panel(acting).labels)
 
 
 def test_levels_left_out_are_open_symbols(fit):

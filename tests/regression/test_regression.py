@@ -204,9 +204,49 @@ def test_a_gap_changes_little():
     assert own.error == pytest.approx(whole.error, rel=0.3)
 
 
+def series_with_gaps(rng, walk=0.1):
+    """Ten years of daily values with 18 % of the days missing, and the regressors of a trend and a step in a gap."""
+    days, present = np.arange(3650), np.ones(3650, dtype=bool)
+    for day in days[1:]:
+        present[day] = rng.random() > 0.02 if present[day - 1] else rng.random() < 0.09
+    present[1990:2020] = False
+    columns = {"trend:exact": days / 365.25, "step:exact": 1.0 * (days > 2000)}
+    values = 2.0 * rng.normal(size=days.size) + walk * rng.normal(size=days.size).cumsum()
+    values += 3.65 * columns["trend:exact"] + 5.0 * columns["step:exact"]
+    return gmwm.Signal.from_missing(np.where(present, values, np.nan), 1.0), columns, present
+
+
+def test_a_series_with_gaps_has_one_offset_and_the_precision_of_maximum_likelihood():
+    signal, columns, present = series_with_gaps(np.random.default_rng(7))
+    against = {name: column[present] for name, column in columns.items()}
+    regression = gmwm.fit("WN + RW", signal, against=against, certify=False).regression
+    likeliest = gmwm.fit_ml("WN + RW", signal, against=against).regression
+    for name, truth in (("trend", 3.65), ("step", 5.0)):
+        entry = regression[name]
+        assert entry.error < 1.3 * likeliest[name].error
+        assert entry.value == pytest.approx(likeliest[name].value, abs=0.5 * entry.error)
+        assert entry.value == pytest.approx(truth, abs=3 * entry.error)
+
+
+def test_every_segment_can_have_an_offset_of_its_own():
+    signal, columns, present = series_with_gaps(np.random.default_rng(7), walk=0.0)
+    signal = replace(signal, values=signal.values - 5.0 * columns["step:exact"][present])
+    trend = columns["trend:exact"][present]
+    joint = gmwm.fit("WN", signal, against={"trend:exact": trend}, certify=False).regression
+    apart = gmwm.fit("WN", signal, against={"trend:exact": trend, "offsets": None}, certify=False).regression
+    assert apart["trend"].error > 3 * joint["trend"].error
+    assert apart.against == "trend:exact + offsets"
+    assert list(apart) == ["trend"]
+    assert gmwm.regression.Regression.from_dict(apart.to_dict()).summary() == apart.summary()
+    with raises(DataError, "step", argument="against"):
+        gmwm.fit("WN", signal, against={"step:exact": columns["step:exact"][present], "offsets": None})
+
+
 @pytest.mark.parametrize(
     ("against", "kind"),
     [
+        ({"temperature": None}, OptionError),
+        ("offsets:2", OptionError),
         ({"temperature": np.full(N, 25.0)}, DataError),
         ({"temperature": TEMPERATURE[:-1]}, DataError),
         ({"a": TEMPERATURE, "b": 2 * TEMPERATURE + 1}, DataError),

@@ -1,4 +1,4 @@
-"""gmwm fit --conditions: fit one model to the parts of a recording that have different known conditions."""
+"""gmwm fit --conditions: fit one model to a recording at known conditions, which are constant in its parts or move."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
+from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
     from gmwm.recording.signals import Imu, Signal
     from gmwm.theory.processes import Model
 
-_EXPECTED = "a table with the columns start, stop and the condition, for example `start,stop,rate`"
+_EXPECTED = "a table with the columns start, stop and the condition, or time and the condition: `start,stop,rate`"
 
 
 @dataclass(frozen=True)
@@ -34,25 +37,16 @@ class ConditionTable:
     @classmethod
     def read(cls, path: Path) -> ConditionTable:
         """Read a CSV file with the columns start, stop and the condition."""
-        try:
-            rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
-        except (OSError, UnicodeDecodeError) as error:
-            raise ReadError(f"{path} cannot be read: {error}", argument="conditions") from error
-        head = [cell.strip() for cell in rows[0]] if rows else []
+        head, rows = _rows(path)
         if len(head) != 3 or head[:2] != ["start", "stop"] or not head[2].isidentifier():
             raise ReadError(f"{path} is not {_EXPECTED}", argument="conditions", got=",".join(head))
         parts: dict[float, list[tuple[float, float]]] = {}
-        for number, row in enumerate(rows[1:], 2):
-            try:
-                start, stop, condition = map(float, row)
-            except ValueError as error:
-                reason = f"{path}, row {number}: three numbers were expected, not {','.join(row)!r}"
-                raise ReadError(reason, argument="conditions", got=row) from error
+        for number, (start, stop, condition) in enumerate(rows, 2):
             if not 0 <= start < stop:
                 reason = (
                     f"{path}, row {number}: the start, {start:g} s, must be 0 or more and before the stop, {stop:g} s"
                 )
-                raise ReadError(reason, argument="conditions", got=row)
+                raise ReadError(reason, argument="conditions", got=(start, stop, condition))
             parts.setdefault(condition, []).append((start, stop))
         for (_, stop), (start, _) in pairwise(sorted(pair for intervals in parts.values() for pair in intervals)):
             if start < stop:
@@ -66,6 +60,60 @@ class ConditionTable:
             gaps = [(stop, start) for (_, stop), (start, _) in pairwise(intervals) if stop < start]
             recordings[condition] = recording.between(intervals[0][0], intervals[-1][1], skip=gaps)
         return recordings
+
+
+@dataclass(frozen=True)
+class ConditionCourse:
+    """A condition that moves during a recording: its values at times (s from the first sample)."""
+
+    condition: str
+    times: Vector
+    values: Vector
+
+    @classmethod
+    def read(cls, path: Path) -> ConditionCourse:
+        """Read a CSV file with the columns time and the condition."""
+        head, rows = _rows(path)
+        times, values = np.array(rows).reshape(-1, 2).T
+        if times.size < 2 or np.any(np.diff(times) <= 0):
+            raise ReadError(f"{path}: two or more ascending times are needed", argument="conditions")
+        return cls(head[1], times, values)
+
+    def of(self, signal: Signal) -> Vector:
+        """Return the condition at the samples of a signal, interpolated linearly."""
+        times = signal.times() - signal.times(np.array([0]))
+        if times[0] < self.times[0] or times[-1] > self.times[-1] + 1 / signal.rate:
+            raise OptionError(
+                f"the recording takes {times[-1]:g} s, but the {self.condition} is known from {self.times[0]:g} to "
+                f"{self.times[-1]:g} s", argument="conditions",
+            )  # fmt: skip
+        return np.interp(times, self.times, self.values)
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[float]]]:
+    """Return the head of a CSV file of a condition, and its rows of numbers."""
+    try:
+        rows = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ReadError(f"{path} cannot be read: {error}", argument="conditions") from error
+    head = [cell.strip() for cell in rows[0]] if rows else []
+    numbers = []
+    for number, row in enumerate(rows[1:], 2):
+        try:
+            numbers.append([float(cell) for cell in row])
+        except ValueError:
+            numbers.append([])
+        if len(numbers[-1]) != len(head):
+            reason = f"{path}, row {number}: {len(head)} numbers were expected, not {','.join(row)!r}"
+            raise ReadError(reason, argument="conditions", got=row)
+    return head, numbers
+
+
+def read_table(path: Path) -> ConditionTable | ConditionCourse:
+    """Read the table of a condition that was constant in parts of a recording, or that moved."""
+    head, _ = _rows(path)
+    moves = len(head) == 2 and head[0] == "time" and head[1].isidentifier()
+    return ConditionCourse.read(path) if moves else ConditionTable.read(path)
 
 
 def as_varies(texts: Sequence[str]) -> dict[str, str]:
@@ -98,17 +146,18 @@ def fit_conditions(
 ) -> Outcome:  # fmt: skip
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
+    from gmwm.choosing.datasheets import numbers_at
     from gmwm.cli.parallel import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
-    sums, conditions = as_varies(varies), ConditionTable.read(table)
-    _, named = parsed_functions(sums)
+    sums, conditions = as_varies(varies), read_table(table)
+    _, _, named = parsed_functions(sums)
     if named not in ("condition", conditions.condition):
         raise OptionError(argument="varies", expected=f"functions of {conditions.condition}, as in {table}", got=named)
     recording = load(file, reading)
     if output is not None:
         make_directory(output)
-    parts = conditions.of(recording)
+    parts = conditions.of(recording) if isinstance(conditions, ConditionTable) else {}
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:
         raise OptionError(
@@ -117,6 +166,11 @@ def fit_conditions(
         )  # fmt: skip
 
     def work(signal: Signal) -> ConditionsFit:
+        if isinstance(conditions, ConditionCourse):
+            return fit(
+                model, signal, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify, varies=sums,
+                against={conditions.condition: conditions.of(signal)},
+            )  # fmt: skip
         curves = {
             condition: wavelet_variance(imu[signal.axis], robust=robust, efficiency=efficiency)
             for condition, imu in parts.items()
@@ -135,6 +189,7 @@ def fit_conditions(
         files += optional_plots(
             *(NewFile(output / f"fit_{name}.png", partial(_draw, fits[name]), "plotting") for name in fits)
         )
+        files += [text_file(output / f"numbers_{name}.csv", numbers_at(fits[name]).write_csv()) for name in fits]
     for condition_fit in fits.values():
         files += plot_file(plot, partial(_draw, condition_fit))
     text = "\n\n".join(f"{name}: {condition_fit.summary()}" for name, condition_fit in fits.items())

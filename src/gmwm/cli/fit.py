@@ -60,12 +60,13 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
-    "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
-    "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
-    "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
-    "gmwm fit monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
-    "gmwm fit turn.csv --model WN --conditions rates.csv --varies 'WN: 1 + rate**2'",
-    "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
+    'gmwm fit static.csv --model "2*GM + WN + QN + RW" --output results',
+    'gmwm fit static.csv --axis gyro_y --model "GM + WN" --plot fit.png',
+    'gmwm fit static.csv --axis gyro_x --model "GM + WN + RW" --likelihood',
+    'gmwm fit monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
+    'gmwm fit turn.csv --model WN --conditions rates.csv --varies "WN: 1 + rate**2"',
+    'gmwm fit warm.csv --axis gyro_x --model "GM + WN" --conditions temperature.csv --varies "GM.beta: celsius"',
+    'gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model "WN + RW"',
 )
 _PROCESSES = ", ".join(
     [f"{name} {process.title}" for name, process in registry.items()]
@@ -92,9 +93,9 @@ def fit(
     conditions: Annotated[
         Path | None,
         EstimationOption(
-            help="CSV table of the parts of the recording at which a condition had a known value. Its columns are "
-            "start and stop (s from the first sample) and the condition, for example start,stop,rate. One model is "
-            "fitted to all parts.",
+            help="CSV table of a condition. Its columns are start, stop (s from the first sample) and the condition, "
+            "for example start,stop,rate, if it was constant in parts of the recording; or time and the condition, "
+            "time,rate, if it moved. One model is fitted to all values.",
             metavar="TABLE",
         ),
     ] = None,
@@ -102,8 +103,8 @@ def fit(
         list[str] | None,
         EstimationOption(
             help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
-            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. "
-            "Repeat the option for other terms.",
+            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta: rate' is "
+            "the shape β = exp(a + b rate). Repeat the option for other terms.",
             metavar="TERM: SUM",
         ),
     ] = None,

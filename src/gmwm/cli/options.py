@@ -100,7 +100,7 @@ AgainstOption = Annotated[
         help="Remove the effect of covariates from each axis before its noise is estimated. auto: remove the effect of "
         "the temperature from axes that follow it (5 % level). none: remove nothing. Otherwise: temperature, time or "
         "warmup, or several joined by +, with options such as temperature:2,lag (degree 2, and its rate of change), "
-        "temperature:knots=2 or time:3.",
+        "temperature:knots=2 or time:3. The recording has one offset; +offsets gives every part between gaps its own.",
         metavar="COVARIATES",
     ),
 ]

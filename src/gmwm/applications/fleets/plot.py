@@ -149,7 +149,9 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
         shown = np.flatnonzero(alike)
         points = shown[np.unique(np.linspace(0, shown.size - 1, 400).astype(int))]
         curve = Stroke(stroke.colour, 1.8)
-        marks.append(Polyline(across[points], value[points], curve, "Units, sorted by value", MIDDLE, GREY))
+        marks.append(
+            Polyline(across[points], value[points], curve, label="Units, sorted by value", layer=MIDDLE, swatch=GREY)
+        )
         heights = value
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
@@ -175,7 +177,10 @@ def _dots(
     short = [_short(unit) for unit in units]
     names = short if len(set(short)) == len(short) else units
     return [
-        Polyline(across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]), names[k], MIDDLE, GREY)
+        Polyline(
+            across[[i]], value[[i]], Stroke(colour, 0.0, symbol=UNIT_SYMBOLS[k]),
+            label=names[k], layer=MIDDLE, swatch=GREY,
+        )
         for i, k in enumerate(order) if alike[i]
     ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, va
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke
-from gmwm.showing.plots.labels import axis_title
+from gmwm.showing.plots.labels import axis_title, sensor_and_letter
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
 
 if TYPE_CHECKING:
@@ -52,13 +52,19 @@ def _panel(result: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confide
     significant = p <= result.size
     marks: list[Polyline | Band] = [Polyline(np.array(x.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)]
     if confidence:
-        level = f"{100 * result.confidence:g} % confidence"
+        level = f"{100 * result.confidence:g} % limits"
         lower, upper = result.lower[a, b], result.upper[a, b]
         marks.append(Band(tau, lower, upper, colour=BLUE, opacity=0.22, label=level, layer=BAND))
-    marks.append(Polyline(tau, np.where(np.isfinite(p), r, np.nan), UNCERTAIN, label="may be zero", layer=FRONT))
+    marks.append(Polyline(tau, np.where(np.isfinite(p), r, np.nan), UNCERTAIN, label="Not significant", layer=FRONT))
     if np.any(significant):
-        marks.append(Polyline(tau[significant], r[significant], SIGNIFICANT, label="shared noise", layer=FRONT))
-    return Panel(x, y, tuple(marks), title=f"{a}, {b}")
+        marks.append(Polyline(tau[significant], r[significant], SIGNIFICANT, label="Shared noise", layer=FRONT))
+    return Panel(x, y, tuple(marks), title=_pair(a, b))
+
+
+def _pair(one: str, other: str) -> str:
+    """Return the title of two axes, "Gyroscope X, Y" for axes of one sensor."""
+    (sensor, _), (same, letter) = sensor_and_letter(one), sensor_and_letter(other)
+    return f"{axis_title(one)}, {letter.upper() if sensor and sensor == same else axis_title(other)}"
 
 
 def joint_figure(fit: JointFit) -> Figure:
@@ -81,18 +87,18 @@ def joint_figure(fit: JointFit) -> Figure:
             side = y if m == 0 else quiet(y)
             zero = Polyline(np.array(bottom.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
             curves = _curves(tau, *(r[:, k, m] for r in pairs))
-            row.append(Panel(bottom, side, (zero, *curves), title=f"{other}, {axis}"))
+            row.append(Panel(bottom, side, (zero, *curves), title=_pair(other, axis)))
         heights = [s[:, k] for s in size]
         side = _deviation_axis(np.concatenate(heights), fit.units.get(axis, ""))
-        panel = Panel(bottom, side, _curves(tau, *heights), title=axis)
+        panel = Panel(bottom, side, _curves(tau, *heights), title=axis_title(axis))
         rows.append((*row, panel, *[None] * (d - 1 - k)))
     return Figure(tuple(rows), width=58.0 * d, height=20.0 + 48.0 * d, legend_columns=2)
 
 
 def _curves(tau: Vector, data: Vector, model: Vector) -> tuple[Mark, ...]:
     return (
-        Polyline(tau, model, stroke=IMPLIED, label="joint model", layer=MIDDLE),
-        Polyline(tau, data, stroke=replace(OBSERVED, width=0.0), label="data", layer=FRONT),
+        Polyline(tau, model, stroke=IMPLIED, label="Joint model", layer=MIDDLE),
+        Polyline(tau, data, stroke=replace(OBSERVED, width=0.0), label="Data", layer=FRONT),
     )
 
 
@@ -110,12 +116,14 @@ def fusion_figure(virtual: VirtualSensor) -> Figure:
 def _axis_panel(fusion: VirtualAxis) -> Panel:
     tau = fusion.tau
     marks = [
-        Polyline(tau, np.sqrt(variance), SENSOR, label="each sensor" if k == 0 else "", layer=BEHIND)
+        Polyline(tau, np.sqrt(variance), SENSOR, label="Each sensor" if k == 0 else "", layer=BEHIND)
         for k, variance in enumerate(fusion.each)
     ]
-    marks.append(Polyline(tau, np.sqrt(fusion.average), AVERAGE, label="average", layer=MIDDLE))
-    marks.append(Polyline(tau, fusion.deviation, VIRTUAL, label="virtual sensor, predicted", layer=FRONT))
-    marks.append(Polyline(tau, np.sqrt(fusion.measured), MEASURED, label="in this recording", layer=FRONT))
+    marks.append(Polyline(tau, np.sqrt(fusion.average), AVERAGE, label="Average", layer=MIDDLE))
+    marks.append(Polyline(tau, fusion.deviation, VIRTUAL, label="Virtual sensor, predicted", layer=FRONT))
+    marks.append(
+        Polyline(tau, np.sqrt(fusion.measured), MEASURED, label="Virtual sensor, in this recording", layer=FRONT)
+    )
     heights = np.sqrt(np.concatenate([fusion.each.ravel(), fusion.average, fusion.variance, fusion.measured]))
     y = _deviation_axis(heights, fusion.unit)
     return Panel(time_axis(tau, "Scale τ (s)"), y, tuple(marks), title=axis_title(fusion.axis))

@@ -11,6 +11,7 @@ import numpy as np
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
+from gmwm.choosing.datasheets.at_conditions import numbers_at
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
     Use,
@@ -29,7 +30,7 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Physical
 
-__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "with_limits"]
+__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "numbers_at", "with_limits"]
 
 FILTER = ("N", "K")
 """Symbols of the numbers of a filter, which come first in a datasheet."""

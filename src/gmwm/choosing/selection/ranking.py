@@ -229,7 +229,7 @@ class Ranking(Plotted, Tabular):
         several = self.best.out_of_sample is not None
         head = [
             "", "model", "WIC", "loss", "out of sample" if several else "optimism", "difference", "p",
-            "zero or at an end",
+            "superfluous terms",
         ]  # fmt: skip
         shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
         rows = []
@@ -238,7 +238,9 @@ class Ranking(Plotted, Tabular):
             part = c.wic.optimism if c.out_of_sample is None else c.out_of_sample
             numbers = map(_short, (c.wic.value, c.wic.loss, part, c.difference))
             p = "-" if c.pvalue is None else p_text(c.pvalue)
-            ends = ", ".join(c.boundary) if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
+            ends = (
+                ", ".join(c.boundary).replace(" as ", " like ") if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
+            )
             rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
         return head, rows
 

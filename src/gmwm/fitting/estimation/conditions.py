@@ -2,15 +2,16 @@
 
 The variance of a term at the condition c is Σ_m s_m φ_m(c), with known functions φ_m ≥ 0 and unknown coefficients
 s_m ≥ 0. The curves of all conditions, one after another, are therefore a non-negative sum of known vectors. The problem
-is solved like the problem for one curve, with the same certificate.
+is solved like the problem for one curve, with the same certificate. A shape that follows the condition by a link,
+β(c) = exp(a + b c), is searched over a and b on a bounded grid, without a certificate.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,30 +21,73 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
+from gmwm.fitting.estimation.moving_condition import ConditionBins
 from gmwm.fitting.estimation.problem import Problem, by_kind, divide_shaped, unit_shape, weigh
 from gmwm.fitting.estimation.reweighting import implied_weights
 from gmwm.fitting.estimation.solver import Solution, resume, solve
-from gmwm.fitting.estimation.varies import Varies, parse_varies
+from gmwm.fitting.estimation.varies import Link, Varies, parse_varies
 from gmwm.fitting.estimation.weighting import Weights, precision, square_root, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
+
+_STEEPEST = 3.0
+"""Largest b of a link over half of the range of the condition: the shape changes by a factor of 400."""
+
+
+@dataclass(frozen=True, eq=False)
+class Follows:
+    """Link of a term, with z = a + b u, and the condition u of each curve, scaled to −1 … 1."""
+
+    link: Link
+    a: float
+    b: float
+    u: Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
     """Measured curves of all conditions, one after another, and a model. `factors` has, for the index of each process
-    that varies, the values φ_m(c_s) of its functions at the conditions."""
+    that varies, the values φ_m(c_s) of its functions at the conditions, and `follows` the link of each process whose
+    shape follows the condition. `whole`, if any, is the curve of a recording in which the conditions are bins with the
+    shares `shares`; its levels above those of the curves come last."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
     factors: Mapping[int, Matrix]
+    follows: Mapping[int, Follows] = field(default_factory=dict)
+    whole: WaveletVariance | None = None
+    shares: Vector = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def samples(self) -> int:
+        """Length of the longest part without a gap."""
+        return max(wv.longest for wv in (*self.curves, *filter(None, [self.whole])))
+
+    @cached_property
+    def coarse(self) -> WaveletVariance | None:
+        """The levels of the whole recording above those of the curves; None if there are none."""
+        above = () if self.whole is None else self.whole.levels[self.whole.levels > len(self.curves[0])].tolist()
+        return self.whole.only(above) if self.whole is not None and above else None
+
+    def each(self, curve_of: Callable[[int, WaveletVariance], Vector]) -> Vector:
+        """Return the values of all curves, one after another. Those of the whole recording are means over its bins."""
+        parts = [curve_of(s, wv) for s, wv in enumerate(self.curves)]
+        if (coarse := self.coarse) is not None:
+            parts.append(np.sum([share * curve_of(s, coarse) for s, share in enumerate(self.shares)], axis=0))
+        return np.concatenate(parts)
+
+    @property
+    def observed(self) -> Vector:
+        """Measured wavelet variances of all curves."""
+        return np.concatenate([wv.variance for wv in (*self.curves, *filter(None, [self.coarse]))])
 
     @cached_property
     def levels(self) -> NDArray[np.int64]:
         """Levels of all curves, one curve after another."""
-        return np.concatenate([wv.levels for wv in self.curves])
+        return np.concatenate([wv.levels for wv in (*self.curves, *filter(None, [self.coarse]))])
 
     @cached_property
     def rows(self) -> list[tuple[int, int]]:
@@ -51,18 +95,26 @@ class Stack:
         linear, _, _ = by_kind(self.model)
         return [(place, m) for place in linear for m in range(len(self.factors.get(place, [0])))]
 
+    def process(self, place: int, s: int) -> Process:
+        """Return a process with the shape that it has at condition s."""
+        follow = self.follows.get(place)
+        process = self.model.processes[place]
+        return process if follow is None else follow.link.at(process, follow.a + follow.b * float(follow.u[s]))
+
+    def factor(self, place: int, m: int, s: int) -> float:
+        """Return the value of the function φ_m of a process at condition s."""
+        phi = self.factors.get(place)
+        return 1.0 if phi is None else float(phi[m, s])
+
     @cached_property
     def shapes(self) -> Matrix:
         """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies."""
-        curves = []
-        for place, m in self.rows:
-            process, phi = self.model.processes[place], self.factors.get(place)
-            parts = [
-                (1.0 if phi is None else phi[m, s]) * unit_shape(process, wv.levels, wv.rate, find_filter(wv.filter))
-                for s, wv in enumerate(self.curves)
-            ]
-            curves.append(np.concatenate(parts))
-        return np.array(curves).reshape(len(curves), self.levels.size)
+
+        def shape(place: int, m: int) -> Vector:
+            return self.each(lambda s, wv: self.factor(place, m, s) * unit_shape(
+                self.process(place, s), wv.levels, wv.rate, find_filter(wv.filter)))  # fmt: skip
+
+        return np.array([shape(place, m) for place, m in self.rows]).reshape(len(self.rows), self.levels.size)
 
     def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
@@ -84,13 +136,13 @@ class Stack:
         offset = np.zeros(self.levels.size)
         for place in held:
             process = self.model.processes[place]
-            offset += np.concatenate([process.wavelet_variance(wv.levels, wv.rate, wv.filter) for wv in self.curves])
-        observed = np.concatenate([wv.variance for wv in self.curves]) - offset
+            offset += self.each(partial(_curve, process))
+        observed = self.observed - offset
         weights = Weights(matrix)
         unit, target = weigh(observed, weights)
         return Problem(
             model=self.model, levels=self.levels, rate=first.rate, filter=find_filter(first.filter),
-            samples=max(wv.longest for wv in self.curves), observed=observed, weights=weights, unit=unit,
+            samples=self.samples, observed=observed, weights=weights, unit=unit,
             target=target, linear=tuple(range(len(self.rows))), curved=curved, free=(), shapes=self.shapes,
         )  # fmt: skip
 
@@ -99,11 +151,10 @@ class Stack:
         _, shaped, _ = by_kind(self.model)
         models = []
         for s in range(len(self.curves)):
-            processes = list(self.model.processes)
+            processes = [self.process(place, s) for place in range(len(self.model.processes))]
             scales: dict[int, float] = {}
             for (place, m), scale in zip(self.rows, solution.scales.tolist(), strict=True):
-                phi = self.factors.get(place)
-                scales[place] = scales.get(place, 0.0) + scale * (1.0 if phi is None else float(phi[m, s]))
+                scales[place] = scales.get(place, 0.0) + scale * self.factor(place, m, s)
             for place, term in zip(shaped, solution.terms, strict=True):
                 names = [p.name for p in processes[place].nonlinear_parameters()]
                 processes[place] = processes[place].with_values(**dict(zip(names, term.values, strict=True)))
@@ -116,19 +167,34 @@ class Stack:
 
     def implied(self, models: tuple[Model, ...]) -> Vector:
         """Return the wavelet variances that the models of the conditions imply, one after another."""
-        return np.concatenate(
-            [m.wavelet_variance(wv.levels, wv.rate, wv.filter) for m, wv in zip(models, self.curves, strict=True)]
-        )
+        return self.each(lambda s, wv: models[s].wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     def covariance(self, models: tuple[Model, ...]) -> Matrix:
-        """Return the covariance V of all measured curves, which are independent of each other."""
-        return _blocks(covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True))
+        """Return the covariance V of all measured curves, which are independent of each other. A level of the whole
+        recording has the same covariance with a level in each bin as in the recording."""
+        blocks = [covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True)]
+        if self.whole is None or self.coarse is None:
+            return _blocks(blocks)
+        middle = models[len(models) // 2]
+        design = Design.of(self.whole)
+        variances = [m.wavelet_variance(design.levels, design.rate, design.filter) for m in models]
+        curve = np.asarray(self.shares @ np.array(variances))
+        ratio = curve / middle.wavelet_variance(design.levels, design.rate, design.filter)
+        together = covariance(middle, design) * np.outer(ratio, ratio)
+        above = design.levels > len(self.curves[0])
+        result = _blocks([*blocks, together[np.ix_(above, above)]])
+        first = -int(np.count_nonzero(above))
+        for k, (m, wv) in enumerate(zip(models, self.curves, strict=True)):
+            local = m.wavelet_variance(wv.levels, wv.rate, wv.filter) / curve[: len(wv)]
+            rows = slice(k * len(wv), (k + 1) * len(wv))
+            result[rows, first:] = local[:, None] * together[: len(wv)][:, above]
+            result[first:, rows] = result[rows, first:].T
+        return result
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
         """Return the weighting matrix Ω of all curves that the models of the conditions imply."""
-        return _blocks(
-            implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in zip(models, self.curves, strict=True)
-        )
+        curves = zip((*models, models[len(models) // 2]), (*self.curves, *filter(None, [self.coarse])), strict=False)
+        return _blocks(implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in curves)
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
         """Return the names and the columns of the derivatives of the curves: ∂ν²/∂s for the linear coefficients s, then
@@ -142,17 +208,19 @@ class Stack:
             theta = np.array([term.values])
             if term.scale > 0 and term.acts_as is None:
                 for k, parameter in enumerate(process.nonlinear_parameters()):
-                    curves = [
-                        term.scale * term.values[k]
-                        * process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k]
-                        for wv in self.curves
-                    ]  # fmt: skip
                     names.append((place, parameter.name))
-                    columns.append(np.concatenate(curves))
+                    columns.append(term.scale * term.values[k] * self.each(partial(_shape_slope, process, theta, k)))
             if term.scale > 0:
-                curves = [process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0] for wv in self.curves]
                 names.append((place, process.scale_parameter().name))
-                columns.append(np.concatenate(curves))
+                columns.append(self.each(partial(_shape, process, theta)))
+        for place, follow in self.follows.items():
+            scale = float(solution.scales[self.rows.index((place, 0))])
+            for which in ("a", "b"):
+                # Central differences, of relative accuracy 1e-6.
+                ends = [replace(self, follows={**self.follows, place: replace(follow, **{which: value})}).shapes
+                        for value in (getattr(follow, which) + 1e-3, getattr(follow, which) - 1e-3)]  # fmt: skip
+                names.append((place, which))
+                columns.append(scale * (ends[0] - ends[1])[self.rows.index((place, 0))] / 2e-3)
         return names, np.column_stack(columns)
 
 
@@ -166,6 +234,27 @@ class SolvedStack:
     models: tuple[Model, ...]
 
 
+def _curve(process: Process, _: int, wv: WaveletVariance) -> Vector:
+    """Return the wavelet variance of a process at the levels of a curve."""
+    return process.wavelet_variance(wv.levels, wv.rate, wv.filter)
+
+
+def _shape(process: Process, theta: Matrix, _: int, wv: WaveletVariance) -> Vector:
+    """Return the wavelet variance of a process with the shape `theta` (1, q) and the scale 1 at the levels of a
+    curve."""
+    return np.asarray(process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0])
+
+
+def _shape_slope(process: Process, theta: Matrix, k: int, _: int, wv: WaveletVariance) -> Vector:
+    """Return the derivative of `_shape` with respect to the shape parameter k."""
+    return np.asarray(process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k])
+
+
+def _condition(u: Vector, s: int, wv: WaveletVariance) -> Vector:
+    """Return the condition u of curve s at each of its levels."""
+    return np.full(len(wv), u[s])
+
+
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
     """Return the block-diagonal matrix of the given blocks."""
     from scipy.linalg import block_diag
@@ -175,27 +264,50 @@ def _blocks(parts: Iterable[Matrix]) -> Matrix:
 
 def fit_conditions(
     model: Model, curves: Mapping[float, WaveletVariance], varies: Mapping[str, str], *, weighting: str = "diagonal",
-    certify: bool = True,
+    certify: bool = True, bins: ConditionBins | None = None,
 ) -> ConditionsFit:  # fmt: skip
-    """Fit a model to the wavelet variances of recordings at known conditions; see `gmwm.fit`."""
-    functions, name = parse_varies(varies)
-    _check(model, curves, functions)
-    conditions = np.array(list(curves), dtype=np.float64)
-    places = {model.terms.index(term): term for term in functions}
-    factors = {place: functions[term].at(conditions, term) for place, term in places.items()}
-    solved = _settle(Stack(model, tuple(curves.values()), factors), weighting, certify=certify)
+    """Fit a model to the wavelet variances of recordings at known conditions, or of the `bins` of one recording; see
+    `gmwm.fit`."""
+    functions, links, name = parse_varies(varies)
+    _check(model, curves, functions, links)
+    conditions = [np.array([c]) for c in curves] if bins is None else list(bins.conditions)
+    factors = {model.terms.index(term): each.means(conditions, term) for term, each in functions.items()}
+    u, middle, half = _scaled(np.array(list(curves)))
+    follows = {model.terms.index(term): Follows(link, 0.0, 0.0, u) for term, link in links.items()}
+    stack = Stack(model, tuple(curves.values()), factors)
+    if bins is not None:
+        stack = replace(stack, whole=bins.whole, shares=bins.shares)
+    solved = _settle(replace(stack, model=_linked(model, follows), follows=follows), weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
-    change = _no_change(solved, weighting) if factors else None
+    change = _no_change(solved, model, weighting) if factors or follows else None
+    estimates = _estimates(solved, functions)
+    for place, follow in solved.stack.follows.items():
+        estimates |= _link_estimates(model.terms[place], follow, solved, middle=middle, half=half)
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
-        models=dict(zip(curves, solved.models, strict=True)),
-        estimates=_estimates(solved, functions), objective=solved.solution.objective,
-        lower_bound=solved.solution.lower_bound, weighting=weighting, statistic=statistic, df=df, pvalue=pvalue,
-        pvalue_constant=change,
+        models=dict(zip(curves, solved.models, strict=True)), estimates=estimates,
+        objective=solved.solution.objective, lower_bound=solved.solution.lower_bound, weighting=weighting,
+        statistic=statistic, df=df, pvalue=pvalue, pvalue_constant=change,
+        whole=solved.stack.coarse, shares=tuple(stack.shares.tolist()),
+        range=(min(float(np.min(c)) for c in conditions), max(float(np.max(c)) for c in conditions)),
     )  # fmt: skip
 
 
-def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Mapping[str, Varies]) -> None:
+def _scaled(conditions: Vector) -> tuple[Vector, float, float]:
+    """Return the conditions scaled to −1 … 1, the middle of their range, and half of it."""
+    low, high = float(np.min(conditions)), float(np.max(conditions))
+    middle, half = (low + high) / 2, (high - low) / 2
+    return (conditions - middle) / half, middle, half
+
+
+def _linked(model: Model, follows: Mapping[int, Follows]) -> Model:
+    """Return the model in which the parameters that follow the condition are held, so that only scales are free."""
+    return Model(tuple(follows[k].link.at(p, 0.0) if k in follows else p for k, p in enumerate(model.processes)))
+
+
+def _check(
+    model: Model, curves: Mapping[float, WaveletVariance], functions: Mapping[str, Varies], links: Mapping[str, Link]
+) -> None:  # fmt: skip
     if len(curves) < 2:
         raise OptionError(argument="data", expected="recordings at two or more conditions", got=len(curves))
     first = next(iter(curves.values()))
@@ -206,10 +318,18 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
                 f"but the first one has {first.rate:g} Hz, {first.filter} and {first.unit or 'none'}",
                 argument="data",
             )
-    linear, _, _ = by_kind(model)
-    for term in functions:
+    linear, shaped, _ = by_kind(model)
+    for term in (*functions, *links):
         if term not in model.terms:
             raise OptionError(argument="varies", expected=f"terms of the model ({', '.join(model.terms)})", got=term)
+    for term, link in links.items():
+        names = [p.name for p in model.processes[model.terms.index(term)].nonlinear_parameters()]
+        if names != [link.name] or shaped != (model.terms.index(term),):
+            raise OptionError(
+                f"varies: {term}.{link.name} must be the only free shape of the model", argument="varies", got=term,
+                advice="Hold the shapes of the other terms with `fixed(…)`.",
+            )  # fmt: skip
+    for term in functions:
         process = model.processes[model.terms.index(term)]
         if model.terms.index(term) not in linear or process.scale_parameter().scale_power != 1:
             raise OptionError(
@@ -223,7 +343,13 @@ def _check(model: Model, curves: Mapping[float, WaveletVariance], functions: Map
 
 def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
     """Iterate estimate and weights until they agree, and then solve the problem with the final weights."""
-    problem = stack.pose(_blocks(weighting_matrix("diagonal", wv) for wv in stack.curves))
+    blocks = (weighting_matrix("diagonal", wv) for wv in (*stack.curves, *filter(None, [stack.coarse])))
+    matrix = _blocks(blocks)
+    for _ in range(4 if stack.follows else 0):  # the weights hardly depend on the link after the first search
+        stack = _search(stack, matrix)
+        solution = solve(stack.pose(matrix), certify=False)
+        matrix = stack.weights(weighting, stack.models(solution))
+    problem = stack.pose(matrix)
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
     before = stack.implied(models)
@@ -236,8 +362,50 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
         if np.max(np.abs(after - before) / np.maximum(after, before)) < 1e-9:
             break
         before = after
-    solution = solve(problem, certify=certify, near=solution)
+    solution = solve(problem, certify=certify and not stack.follows, near=solution)
     return SolvedStack(stack, problem, solution, stack.models(solution))
+
+
+def _search(stack: Stack, matrix: Matrix) -> Stack:
+    """Return the stack with the link that minimises the objective under fixed weights: the best points of a bounded
+    grid, or the previous link, refined."""
+    from scipy.optimize import fmin
+
+    ((place, follow),) = stack.follows.items()
+    low, high = follow.link.limits(stack.model.processes[place], stack.samples, stack.curves[0].rate)
+
+    def at(x: Vector) -> Stack:
+        a, b = float(np.clip(x[0], low, high)), float(np.clip(x[1], -_STEEPEST, _STEEPEST))
+        return replace(stack, follows={place: replace(follow, a=a, b=b)})
+
+    def objective(x: Vector) -> float:
+        return solve(at(x).pose(matrix), certify=False).objective
+
+    starts = [np.array([follow.a, follow.b])]
+    if follow.a == follow.b == 0.0:
+        grid = [np.array([a, b]) for a in np.linspace(low, high, 15) for b in np.linspace(-2.0, 2.0, 7)]
+        starts = sorted(grid, key=objective)[:3]
+    simplex = 0.3 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    ends = [
+        fmin(objective, start, xtol=1e-5, ftol=1e-8, disp=False, initial_simplex=start + simplex) for start in starts
+    ]
+    return at(min(ends, key=objective))
+
+
+def _link_estimates(
+    term: str, follow: Follows, solved: SolvedStack, *, middle: float, half: float
+) -> dict[str, Estimate]:  # fmt: skip
+    """Return the coefficients a and b of a link per unit of the condition, with standard errors."""
+    names, columns = solved.stack.slopes(solved.solution)
+    spread = relative_covariance(columns, solved.problem.matrix, solved.stack.covariance(solved.models))
+    places = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
+    turn = np.array([[1.0, -middle / half], [0.0, 1 / half]])
+    values = turn @ [follow.a, follow.b]
+    errors = np.sqrt(np.diag(turn @ spread[np.ix_(places, places)] @ turn.T))
+    return {
+        f"{term}.{follow.link.name} ({name})": Estimate(float(value), float(error), signed=True)
+        for name, value, error in zip("ab", values, errors, strict=True)
+    }
 
 
 def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
@@ -250,6 +418,8 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
     terms: dict[int, FittedTerm] = dict(zip(shaped, solution.terms, strict=True))
     estimates = {}
     for k, (place, which) in enumerate(names):
+        if which in ("a", "b"):
+            continue  # `_link_estimates` has these
         label, process = stack.model.terms[place], stack.model.processes[place]
         scale = process.scale_parameter()
         power = scale.scale_power or 1.0
@@ -278,8 +448,11 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
 
 def _short(stack: Stack) -> Stack:
     """Return the stack with only the levels that have enough degrees of freedom for a test."""
-    curves = [wv.first(int(np.count_nonzero(usable_in(Design.of(wv))))) for wv in stack.curves]
-    return replace(stack, curves=tuple(curves))
+    counts = [int(np.count_nonzero(usable_in(Design.of(wv)))) for wv in stack.curves]
+    if stack.whole is None:
+        return replace(stack, curves=tuple(wv.first(n) for wv, n in zip(stack.curves, counts, strict=True)))
+    whole = stack.whole.first(int(np.count_nonzero(usable_in(Design.of(stack.whole)))))
+    return replace(stack, curves=tuple(wv.first(min(counts)) for wv in stack.curves), whole=whole)
 
 
 def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
@@ -292,16 +465,22 @@ def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
-def _no_change(solved: SolvedStack, weighting: str) -> float:
+def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
     """Return the p-value of the hypothesis that no term varies, from the residuals of a constant model that functions
-    explain."""
+    and changes of shapes explain."""
     from scipy.special import gammaincc
 
     short = _short(solved.stack)
-    constant = _settle(replace(short, factors={}), weighting, certify=False)
+    constant = _settle(replace(short, model=model, factors={}, follows={}), weighting, certify=False)
+    names, slopes = constant.stack.slopes(constant.solution)
+    columns = list(short.shapes.T.T) if short.factors else []
+    for place, follow in short.follows.items():
+        if (place, follow.link.name) in names:
+            slope = slopes[:, names.index((place, follow.link.name))]
+            columns.append(np.asarray(slope * short.each(partial(_condition, follow.u))))
     total, rank = _misfit(constant)
-    remainder, full_rank = _misfit(constant, short.shapes.T)
-    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2))
+    remainder, full_rank = _misfit(constant, np.array(columns).reshape(len(columns), -1).T)
+    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
 
 
 def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
@@ -311,5 +490,4 @@ def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, 
     root = square_root(precision(stack.covariance(solved.models)))
     _, columns = stack.slopes(solved.solution)
     columns = columns if further is None else np.column_stack([columns, further])
-    observed = np.concatenate([wv.variance for wv in stack.curves])
-    return square_of_rest(root @ (observed - stack.implied(solved.models)), root @ columns)
+    return square_of_rest(root @ (stack.observed - stack.implied(solved.models)), root @ columns)

@@ -33,12 +33,15 @@ class Estimate:
         Name of the process that the data cannot distinguish from the term; None if there is no such process.
     shape : bool
         Whether this is a shape parameter, such as a correlation time, which cannot be zero.
+    signed : bool
+        Whether this is a coefficient that may be negative; its interval is symmetric.
     """
 
     value: float
     error: float
     acts_as: str | None = None
     shape: bool = False
+    signed: bool = False
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the confidence interval, which is symmetric on a logarithmic scale.
@@ -56,6 +59,8 @@ class Estimate:
             Limits of the interval; (0, inf) if the data do not determine the parameter.
         """
         z = NormalDist().inv_cdf((1 + as_confidence(confidence)) / 2)
+        if self.signed:
+            return self.value - z * self.error, self.value + z * self.error
         if not math.isfinite(self.error) or (self.shape and z * self.error > UNDETERMINED_HALF_WIDTH * self.value):
             return 0.0, math.inf
         if z * self.error >= self.value and not self.shape:
@@ -94,6 +99,13 @@ class ConditionsFit(Summarised, Plotted):
     pvalue_constant : float or None
         p-value of the test that no term varies with the condition. None if `varies` is empty; `pvalue` then has this
         meaning.
+    whole : WaveletVariance or None
+        If the condition moved during one recording: the curve of the whole recording at scales longer than the times at
+        nearly constant condition. `curves` then has the shorter scales.
+    shares : tuple of float
+        Shares of the conditions in the recording, with which `whole` is the mean of their models.
+    range : (lowest, highest)
+        Smallest and largest condition in the data.
     """
 
     condition: str
@@ -109,6 +121,9 @@ class ConditionsFit(Summarised, Plotted):
     df: int
     pvalue: float
     pvalue_constant: float | None
+    whole: WaveletVariance | None = None
+    shares: tuple[float, ...] = ()
+    range: tuple[float, float]
 
     def at(self, condition: float) -> Model:
         """Return the model with its values at a condition within the range of the data.
@@ -123,12 +138,16 @@ class ConditionsFit(Summarised, Plotted):
         OptionError
             If the condition is outside the range of the data.
         """
-        low, high = min(self.models), max(self.models)
+        low, high = self.range
         if not low <= condition <= high:
             raise OptionError(
                 argument="condition", expected=f"from {low:g} to {high:g}, the range of the recordings", got=condition
             )
-        model, functions = next(iter(self.models.values())), parse_varies(self.varies)[0]
+        model, (functions, links, _) = next(iter(self.models.values())), parse_varies(self.varies)
+        for term, link in links.items():
+            a, b = (self.estimates[f"{term}.{link.name} ({name})"].value for name in "ab")
+            process = link.at(model.processes[model.terms.index(term)], a + b * condition)
+            model = model.with_values({f"{term}.{link.name}": process.value(link.name)})
         values = {}
         for term, varied in functions.items():
             name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
@@ -140,14 +159,12 @@ class ConditionsFit(Summarised, Plotted):
 
     def summary(self) -> str:
         """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
-        conditions = ", ".join(f"{c:g}" for c in self.curves)
+        conditions = ", ".join(f"{c:.4g}" for c in self.curves)
         rows = [("", "estimate", "95 % interval")]
         for name, estimate in self.estimates.items():
             low, high = estimate.interval()
             interval = "undetermined" if math.isinf(high) else f"{low:.4g} … {high:.4g}"
-            rows.append(
-                (name, f"{estimate.value:.4g}", f"acts as {estimate.acts_as}" if estimate.acts_as else interval)
-            )
+            rows.append((name, f"{estimate.value:.4g}", f"like {estimate.acts_as}" if estimate.acts_as else interval))
         lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
@@ -158,6 +175,11 @@ class ConditionsFit(Summarised, Plotted):
             f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, "
             f"p {p_relation(self.pvalue)}"
         )
+        if self.whole is not None:
+            lines.append(
+                f"scales from {self.whole.tau[0]:.3g} s on: the whole recording, because {self.condition} changes too "
+                "fast to tell its values apart"
+            )
         if self.pvalue_constant is not None:
             lines.append(f"no dependence on {self.condition}: p {p_relation(self.pvalue_constant)}")
         return "\n".join(lines)
@@ -175,7 +197,7 @@ class ConditionsFit(Summarised, Plotted):
             ),
             "objective": self.objective, "lower_bound": self.lower_bound, "weighting": self.weighting,
             "goodness_of_fit": {"statistic": self.statistic, "df": self.df, "pvalue": self.pvalue},
-            "pvalue_constant": self.pvalue_constant,
+            "pvalue_constant": self.pvalue_constant, "whole": None if self.whole is None else self.whole.to_dict(),
             "conditions": [
                 {"condition": c, "parameters": self.models[c].parameters, "wavelet_variance": wv.to_dict()}
                 for c, wv in self.curves.items()

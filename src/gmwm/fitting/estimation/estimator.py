@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast, overload
 
 import numpy as np
@@ -14,6 +15,7 @@ from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
 from gmwm.base.reporting import warn
 from gmwm.fitting.estimation.conditions import fit_conditions
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
+from gmwm.fitting.estimation.moving_condition import divide
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, First, WeightedSolution, settle
@@ -44,6 +46,11 @@ def fit(
     robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
     against: Against = None, moments: str = "haar",
 ) -> ResultsByAxis[Fit]: ...  # fmt: skip
+@overload
+def fit(
+    model: Model | Process | str, data: Signal, rate: None = None, *, weighting: Weighting | None = None,
+    robust: bool = False, efficiency: float = 0.6, certify: bool = True, against: Against, varies: Mapping[str, str],
+) -> ConditionsFit: ...  # fmt: skip
 @overload
 def fit(
     model: Model | Process | str, data: OneOrSeveral, rate: float | None = None, *, weighting: Weighting | None = None,
@@ -99,7 +106,7 @@ def fit(
           model is correct.
         - "identity" is for comparison only. Only the largest levels count, standard errors are many times larger, and
           confidence intervals do not have their nominal coverage.
-        - An array is your own diagonal, or your own positive definite matrix.
+        - An array is your own diagonal, or your own positive definite matrix. Levels with the weight 0 are left out.
 
         With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
         wrong, neither of them is safer. MA and ARMA models need more `moments`, or `fit_ml` with this fit as its start
@@ -118,12 +125,17 @@ def fit(
     against : str, (N,) array, Signal, or mapping of name to these, optional
         Conditions whose effect is removed from the signal before the fit, for example
         ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
-        account for what the regression removes from the noise; `fit.regression` has its coefficients.
+        account for what the regression removes from the noise; `fit.regression` has its coefficients. The recording has
+        one offset; with "offsets" (``"time + offsets"``, ``{"trend": t, "offsets": None}``), every part without a gap
+        has its own.
     varies : mapping of term to str, optional
-        Dependence of the variance of a term on the condition, for recordings at known conditions. It is a sum of known
-        functions with unknown coefficients that are zero or positive, for example ``{"WN": "1 + rate**2"}``. Functions
-        are 1, powers of a name, abs(name), and hats(0, 25, 50), which is piecewise linear. Other terms are the same at
-        all conditions; see docs/howto/conditions.md.
+        Dependence of the variance of a term on the condition, for recordings at known conditions, or for a Signal
+        during which the condition in `against`, such as ``{"rate": values}``, moves. It is a sum of known functions
+        with unknown coefficients that are zero or positive, for example ``{"WN": "1 + rate**2"}``. Functions are 1,
+        powers of a name, abs(name), and hats(0, 25, 50), which is piecewise linear. ``{"GM.beta": "rate"}`` is the
+        shape β(rate) = exp(a + b rate), and ``{"AR1.phi": "rate"}`` φ(rate) = tanh(a + b rate); a and b are searched
+        on a bounded grid, without a certificate. Other terms are the same at all conditions; see
+        docs/howto/conditions.md.
     moments : str
         Moments of the signal to which the model is fitted. "haar" is the wavelet variance. "haar + lags:8" adds the
         autocovariances of first differences at the lags 1 to 8, and "haar + lags:3,5" at 3 and 5 (the augmented GMWM,
@@ -134,8 +146,8 @@ def fit(
     Returns
     -------
     Fit; for an Imu or several columns a mapping of axis to Fit
-        Estimates, objective with its lower bound, fitted curve and remarks. For recordings at known conditions, the
-        result is a `gmwm.estimation.ConditionsFit`.
+        Estimates, objective with its lower bound, fitted curve and remarks. With `varies` or recordings at known
+        conditions, the result is a `gmwm.estimation.ConditionsFit`.
 
     Raises
     ------
@@ -188,14 +200,20 @@ def fit(
             others={"start": start, "against": against, "moments": None if moments == "haar" else moments},
         )  # fmt: skip
     if varies is not None:
-        raise OptionError(
-            "varies needs recordings at known conditions", argument="varies", got=varies,
-            advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`.",
-        )  # fmt: skip
+        if not isinstance(data, Signal) or against is None or start is not None or moments != "haar":
+            raise OptionError(
+                "varies needs recordings at known conditions, or a Signal with the condition in against",
+                argument="varies", got=varies,
+                advice="Pass a mapping, for example `{{0.0: rest, 50.0: slow}}`, or `against={{'rate': values}}`.",
+            )  # fmt: skip
+        return _moving_condition(
+            terms, data, varies, against, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify
+        )
     recordings = cast("OneOrSeveral", data)
     wv = measure(recordings, rate, robust, efficiency, against=against, moments=moments)
     first = None if start is None else _draws(start, wv, recordings)
     chosen = usual_weighting(terms, wv) if weighting is None else weighting
+    chosen, wv = _with_weight(chosen, wv)
     result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:
         warn(FitWarning(remark), stacklevel=2)
@@ -211,15 +229,49 @@ def _fitted_conditions(
     for name, value in others.items():
         if value is not None:
             raise OptionError(argument=name, expected="left out with recordings at known conditions", got=value)
-    chosen = "diagonal" if weighting is None else weighting
-    if not isinstance(chosen, str) or chosen not in REWEIGHTED:
-        raise OptionError(argument="weighting", expected="'diagonal' or 'optimal' with known conditions", got=weighting)
     keys: list[object] = list(data)
     bad = [key for key in keys if isinstance(key, bool) or not isinstance(key, int | float | np.number)]
     if bad or not all(math.isfinite(key) for key in data):
         raise OptionError(argument="data", expected="conditions that are finite numbers", got=bad[0] if bad else keys)
     curves = {float(condition): measure(curve, rate, robust, efficiency) for condition, curve in data.items()}
-    return fit_conditions(model, curves, varies or {}, weighting=chosen, certify=certify)
+    return fit_conditions(model, curves, varies or {}, weighting=_reweighted(weighting), certify=certify)
+
+
+def _reweighted(weighting: Weighting | None) -> str:
+    """Return the kind of the weights of a fit at known conditions, "diagonal" by default."""
+    chosen = "diagonal" if weighting is None else weighting
+    if not isinstance(chosen, str) or chosen not in REWEIGHTED:
+        raise OptionError(argument="weighting", expected="'diagonal' or 'optimal' with known conditions", got=weighting)
+    return chosen
+
+
+def _moving_condition(
+    model: Model, signal: Signal, varies: Mapping[str, str], against: Against, *, weighting: Weighting | None,
+    robust: bool, efficiency: float, certify: bool,
+) -> ConditionsFit:  # fmt: skip
+    """Fit a model to a recording during which the condition `against` changes."""
+    from gmwm.fitting.estimation.varies import parse_varies
+
+    _, _, named = parse_varies(varies)
+    name, bins = divide(signal, against, robust=robust, efficiency=efficiency)
+    if named not in ("condition", name):
+        raise OptionError(argument="varies", expected=f"functions of {name}, as in against", got=named)
+    curves = {float(np.mean(c)): wv for c, wv in zip(bins.conditions, bins.curves, strict=True)}
+    result = fit_conditions(model, curves, varies, weighting=_reweighted(weighting), certify=certify, bins=bins)
+    return replace(result, condition=name)
+
+
+def _with_weight(weighting: Weighting, wv: WaveletVariance) -> tuple[Weighting, WaveletVariance]:
+    """Leave out the levels whose weights of the user are all zero."""
+    if isinstance(weighting, str):
+        return weighting, wv
+    matrix = np.asarray(weighting)
+    if matrix.shape not in ((len(wv),), (len(wv), len(wv))) or matrix.dtype.kind not in "iuf":
+        return weighting, wv
+    used = matrix != 0 if matrix.ndim == 1 else np.any(matrix != 0, axis=0)
+    if np.all(used) or not np.any(used):
+        return weighting, wv
+    return matrix[used] if matrix.ndim == 1 else matrix[np.ix_(used, used)], wv.only(wv.levels[used].tolist())
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:

@@ -1,15 +1,18 @@
-"""Dependence of the variance of a term on a known condition, as a sum of known functions such as "1 + rate**2"."""
+"""Dependence of a term on a known condition: its variance as a sum of known functions such as "1 + rate**2", or its
+shape by a link such as β = exp(a + b rate)."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.parameter import fixed
 
 _EXPECTED = "a sum of 1, rate, rate**2, abs(rate) or hats(0, 25, 50), with one name for the condition"
 _POWER = re.compile(r"([A-Za-z_]\w*)(?:(?:\*\*|\^)([1-9]))?")
@@ -62,35 +65,72 @@ class Varies:
             raise OptionError(argument="varies", expected=_EXPECTED, got=text)
         return cls(next(iter(names), ""), tuple(functions))
 
-    def at(self, conditions: Vector, term: str) -> Matrix:
-        """Return the values φ_m(c_s) (m, s) of the functions at conditions; raises ModelError if one is negative, or if
-        the conditions cannot separate them."""
-        rows = np.array([function.of(conditions) for function in self.functions])
-        for function, row in zip(self.functions, rows, strict=True):
-            if np.any(row < 0):
-                raise ModelError(
-                    f"{term} varies with {function.text}, which is negative at {conditions[np.argmin(row)]:g}",
-                    advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
-                )
+    def means(self, conditions: Sequence[Vector], term: str) -> Matrix:
+        """Return the means of the functions φ_m (m, s) over the conditions of each of s recordings; raises ModelError
+        if one is negative, or if the recordings cannot separate them."""
+        for function in self.functions:
+            for values in conditions:
+                if np.any(negative := function.of(values) < 0):
+                    raise ModelError(
+                        f"{term} varies with {function.text}, which is negative at {values[np.argmax(negative)]:g}",
+                        advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
+                    )
+        rows = np.array([[float(np.mean(function.of(c))) for c in conditions] for function in self.functions])
         scale = np.max(rows, axis=1, keepdims=True)
         if np.linalg.matrix_rank(rows / np.where(scale > 0, scale, 1.0), tol=1e-6) < len(rows):
             raise ModelError(
                 f"{len(rows)} functions of {term} cannot be separated at the conditions "
-                f"{', '.join(f'{c:g}' for c in conditions)}",
+                f"{', '.join(f'{np.mean(c):g}' for c in conditions)}",
                 advice="Use more conditions, or fewer functions.",
             )
         return rows
 
 
-def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], str]:
-    """Parse the functions of each term, and find the name of the condition; raises OptionError if two names differ."""
+@dataclass(frozen=True)
+class Link:
+    """Shape parameter that follows the condition c: exp(a + b c) if it is positive, tanh(a + b c) if it is between −1
+    and 1."""
+
+    name: str
+    condition: str
+
+    def at(self, process: Process, z: float) -> Process:
+        """Return a process with the parameter held at z = a + b c."""
+        parameter = next(p for p in process.parameters if p.name == self.name)
+        return process.with_values(**{self.name: fixed(float(parameter.at_coordinate(np.array([z]))[0]))})
+
+    def limits(self, process: Process, samples: int, rate: float) -> tuple[float, float]:
+        """Return the ends of the search of a: correlation times from two samples to the recording."""
+        if next(p for p in process.parameters if p.name == self.name).domain == "between":
+            return -4.0, float(np.arctanh(1 - 1 / samples))
+        return float(np.log(rate / samples)), float(np.log(rate / 2))
+
+
+def parse_links(varies: Mapping[str, str]) -> tuple[dict[str, str], dict[str, Link]]:
+    """Divide the entries of `varies` into those of variances, such as "WN", and links by term, such as "GM.beta"."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
-    sums = {term: Varies.parse(text) for term, text in varies.items()}
-    names = {single.condition for single in sums.values() if single.condition}
+    links = {}
+    for key, text in varies.items():
+        term, dot, name = str(key).partition(".")
+        if dot:
+            match = _POWER.fullmatch(str(text).strip())
+            if match is None or match[2]:
+                raise OptionError(argument="varies", expected=f"the name of the condition for {key}", got=text)
+            links[term] = Link(name, match[1])
+    return {key: text for key, text in varies.items() if "." not in str(key)}, links
+
+
+def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], dict[str, Link], str]:
+    """Parse the functions and the links of each term, and find the name of the condition; raises OptionError if two
+    names differ."""
+    variances, links = parse_links(varies)
+    sums = {term: Varies.parse(text) for term, text in variances.items()}
+    named = [*(each.condition for each in sums.values()), *(each.condition for each in links.values())]
+    names = {name for name in named if name}
     if len(names) > 1:
         raise OptionError(argument="varies", expected="one name for the condition", got=", ".join(sorted(names)))
-    return sums, next(iter(names), "condition")
+    return sums, links, next(iter(names), "condition")
 
 
 def _power(power: int) -> Callable[[Vector], Vector]:

@@ -15,15 +15,14 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.multiple_tests import holm
 from gmwm.base.text import duration_text
-from gmwm.base.time_base import begins_of, times_of
 from gmwm.fitting.estimation import fit
+from gmwm.fitting.estimation.moving_condition import condition_of
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.covariance.tails import excess_covariance
-from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
+from gmwm.measuring.regression.against import Against
 from gmwm.measuring.regression.api import regress, without
 from gmwm.measuring.regression.blocks import BlockClock
-from gmwm.measuring.regression.covariates import HOUR_S, Covariates
 from gmwm.measuring.regression.least_squares import haar
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
@@ -178,7 +177,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
 
     if not isinstance(signal, Signal):
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
-    term, covariates, values = _condition(signal, condition)
+    term, covariates, values = condition_of(signal, condition)
     residual = without(signal, regress(signal, covariates), covariates)
     # Smallest length (samples) of the blocks in which knocks are clipped.
     length = max(covariates.clock.length, 16)
@@ -222,25 +221,6 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
         pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
-
-
-def _condition(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covariates, Vector]:
-    """Return the condition, the regression of the mean on it, and its value at each sample."""
-    conditions = Asked.of(condition)
-    term = conditions.terms[0] if len(conditions.terms) == 1 else None
-    arrays = dict(conditions.arrays or {})
-    if term is not None and term.name == TIME:
-        covariates = Covariates.of([term], {}, signal)
-        begins = begins_of(signal.rate, signal.segments, signal.starts)
-        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR_S
-    if term is None or term.name not in arrays:
-        raise OptionError(
-            argument="condition", expected="one condition with its samples, such as {'temperature': values}, or 'time'",
-            got=condition,
-        )  # fmt: skip
-    covariates = Covariates.slow(term, arrays[term.name], signal)
-    smooth = covariates.clock.interpolate(covariates.smooth[term.name], 0, len(signal))
-    return term, covariates, arrays[term.name] if term.exact else smooth
 
 
 def _test(value: float, error: float) -> Slope:

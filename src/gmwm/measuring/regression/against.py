@@ -13,11 +13,11 @@ from gmwm.base.errors import OptionError
 from gmwm.recording.signals import Signal
 
 AUTO, NONE = "auto", "none"
-TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
+TIME, WARM_UP, TEMPERATURE, OFFSETS = "time", "warmup", "temperature", "offsets"
 _EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
 _UNITS = {TEMPERATURE: "°C", TIME: "h"}
 
-Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
+Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal | None] | None
 """Types that `against` accepts; see `gmwm.fit`."""
 
 
@@ -25,7 +25,8 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
 class CovariateTerm:
     """One covariate of a regression, with the form of its effect: a polynomial of some `degree`, or a natural cubic
     spline with `knots` inner knots. "time" and "warmup" are computed from the times of the samples. With `lag`, the
-    rate of change is also a column, for a sensor that follows the covariate with a delay. An `exact` covariate is known
+    rate of change is also a column, for a sensor that follows the covariate with a delay. "offsets" gives every part
+    of the recording without a gap an offset of its own. An `exact` covariate is known
     without error at every sample; all scales are then used."""
 
     name: str
@@ -48,7 +49,7 @@ class CovariateTerm:
     @property
     def is_measured(self) -> bool:
         """Whether the covariate is measured data, in contrast to a function of time."""
-        return self.name not in (TIME, WARM_UP)
+        return self.name not in (TIME, WARM_UP, OFFSETS)
 
     @classmethod
     def parse(cls, text: str) -> CovariateTerm:
@@ -78,7 +79,7 @@ class CovariateTerm:
                     expected=f"a degree from 1 to {most_degrees}, knots=1 to {most_knots}, lag or exact after {name!r}",
                     got=word,
                 )
-        if (name == WARM_UP and options) or (name == TIME and words) or (knots and degree > 1):
+        if (name in (WARM_UP, OFFSETS) and options) or (name == TIME and words) or (knots and degree > 1):
             raise OptionError(
                 f"against: {text!r} has options that do not apply", argument="against", got=text,
                 advice="Write `warmup` alone, `time` with a degree or knots, and either a degree or knots.",
@@ -118,12 +119,16 @@ class Asked:
         arrays, terms = {}, []
         for text, values in arrays_by_text.items():
             term = CovariateTerm.parse(str(text))
+            terms.append(term)
             if not term.is_measured:
+                if values is None:
+                    continue
                 raise OptionError(
                     f"against: {term.name} is computed from the clock, and needs no array", argument="against",
-                    got=text, advice="Give the array another name.",
+                    got=text, advice="Give the array another name, or pass None.",
                 )  # fmt: skip
-            terms.append(term)
+            if values is None:
+                raise OptionError(argument="against", expected=f"the samples of {term.name}", got=None)
             arrays[term.name] = values.values if isinstance(values, Signal) else as_vector(values, term.name)
         return cls(_distinct(terms), arrays)
 

@@ -148,7 +148,8 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
-    design = RegressionDesign(covariates.matrix(tau), present, whole)
+    offsets = covariates.own_offsets
+    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
     # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
     unknown = covariates.unknown_levels
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
@@ -164,7 +165,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
-            design = RegressionDesign(covariates.matrix(tau), present, whole)
+            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
         weighted = design.under(weights)
         if weighted.condition > COLLINEAR_CONDITION:
             names = ", ".join(column.name for column in covariates.basis.columns)
@@ -172,7 +173,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
                 f"the columns {names} describe nearly the same course in this recording, so that their effects cannot "
                 "be separated",
                 argument="against",
-                advice="Use fewer of them.",
+                advice="Use fewer of them, or leave `offsets` out." if offsets else "Use fewer of them.",
             )
         beta = weighted.estimate(means)
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
@@ -190,7 +191,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
 
     def gain(tau: float) -> float:
         columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
-        under = RegressionDesign(columns, design.present, design.whole).under(weights)
+        under = RegressionDesign(columns, design.present, design.whole, design.offsets).under(weights)
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 

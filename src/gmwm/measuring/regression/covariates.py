@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import times_of
-from gmwm.measuring.regression.against import TEMPERATURE, TIME, WARM_UP, CovariateTerm
+from gmwm.measuring.regression.against import OFFSETS, TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.recording.resolution import lsb
@@ -94,6 +94,8 @@ class Covariates:
         at = clock.times
         references, ranges = {}, {}
         for term in terms:
+            if term.name == OFFSETS:
+                continue
             covariate = means.get(term.name, at / HOUR_S if term.name == TIME else at)
             low, high = float(np.min(covariate[present])), float(np.max(covariate[present]))
             # The reference is rounded to three digits of the range, so that it is a short number in reports.
@@ -112,6 +114,11 @@ class Covariates:
     def unknown_levels(self) -> int:
         """Number of finest levels of the block means that are not used because of reading errors of the covariates."""
         return max(self.lowest - self.clock.length.bit_length(), 0)
+
+    @property
+    def own_offsets(self) -> bool:
+        """Whether every part of the recording without a gap has an offset of its own."""
+        return any(term.name == OFFSETS for term in self.basis.terms)
 
     def having(self, terms: tuple[CovariateTerm, ...]) -> Covariates:
         """Return the same covariates with other terms (forms of their effects)."""
@@ -289,6 +296,8 @@ class Basis:
         return np.hstack(parts)
 
     def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
+        if term.name == OFFSETS:
+            return np.empty((times.size, 0))
         if term.name == WARM_UP:
             assert tau is not None
             decay = np.exp(-times / tau)
@@ -307,6 +316,8 @@ class Basis:
 
 def _columns(term: CovariateTerm) -> list[Column]:
     name, unit = term.name, term.unit
+    if name == OFFSETS:
+        return []
     if name == WARM_UP:
         return [Column(name, name), Column(f"{name} tau", name)]
     columns = [Column(name, name, unit)]

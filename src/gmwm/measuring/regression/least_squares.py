@@ -1,8 +1,9 @@
 """Generalised least squares with a weight w_k = 1/S(f_k) for each frequency: the estimate and its exact covariance.
 
 The noise of y = X β + ε has the covariance Σ and the density S(f). With the orthonormal cosine transform C (DCT-II) of
-each run without its mean, at f_k = k/2n, U = Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, and Cov β̂ = B Σ Bᵀ. It is
-the best linear unbiased estimate for white noise and a random walk; docs/validation/regression.md has others.
+a span without its mean, at f_k = k/2n, U = Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, and Cov β̂ = B Σ Bᵀ. It is
+the best linear unbiased estimate for white noise and a random walk; docs/validation/regression.md has others. A span
+with gaps has one offset: U solves R Cᵀ diag(1/w) C Rᵀ U = X − 1 μᵀ with 1ᵀ U = 0, where R selects the values.
 """
 
 from __future__ import annotations
@@ -26,41 +27,70 @@ COLLINEAR_CONDITION = 1e6
 @dataclass(frozen=True, eq=False)
 class RegressionDesign:
     """A regression on p columns X (n, p) at n equally spaced times. `present` masks the times with a value; the others
-    are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals."""
+    are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals. With `offsets`,
+    every run without a gap has an offset of its own; otherwise the recording has one."""
 
     columns: Matrix
     present: np.ndarray
     whole: np.ndarray
+    offsets: bool = False
+
+    @cached_property
+    def complete_levels(self) -> int:
+        """Number of levels with a Haar coefficient without a missing value."""
+        return max((last - first for first, last in self.runs), default=1).bit_length() - 1
 
     @cached_property
     def levels(self) -> int:
-        """Number J of levels with at least one Haar coefficient."""
-        longest = max((last - first for first, last in self.runs), default=1)
-        return longest.bit_length() - 1
+        """Number J of levels with a Haar coefficient. Without own offsets, coefficients of the coarse levels cross
+        gaps."""
+        if self.offsets:
+            return self.complete_levels
+        crossing = max((last - first for first, last in self.spans), default=1).bit_length() - 1
+        while crossing > self.complete_levels and not np.any(self._mask(crossing)):
+            crossing -= 1
+        return crossing
+
+    def _mask(self, level: int) -> np.ndarray:
+        """Return the mask (n − 2^j + 1,) of the coefficients that are used: without missing values at complete levels,
+        with half of the values in both halves at coarser ones."""
+        half = 1 << (level - 1)
+        if level <= self.complete_levels:
+            return np.asarray(_counted(self.present, 2 * half) == 2 * half)
+        counts = _counted(self.present, half)
+        return np.asarray((2 * counts[half:] >= half) & (2 * counts[:-half] >= half))
 
     @cached_property
     def masks(self) -> list[np.ndarray]:
-        """For each level j, mask (n − 2^j + 1,) of the coefficients without missing values."""
-        return [_complete(self.present, 1 << j) for j in range(1, self.levels + 1)]
+        """For each level j, the mask of the coefficients that are used."""
+        return [self._mask(j) for j in range(1, self.levels + 1)]
 
     @cached_property
     def residual_masks(self) -> list[np.ndarray]:
         """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
-        return [_complete(self.whole, 1 << j) for j in range(1, self.levels + 1)]
+        return [_counted(self.whole, 1 << j) == 1 << j for j in range(1, self.levels + 1)]
 
     @cached_property
     def counts(self) -> Vector:
-        """Number (J,) of coefficients without missing values at each level."""
+        """Number (J,) of coefficients at each level."""
         return np.array([np.count_nonzero(used) for used in self.masks], dtype=np.float64)
+
+    def haar(self, values: Matrix, level: int) -> Matrix:
+        """Compute half the difference of the means of neighbouring halves of 2^j values, without missing values."""
+        if level <= self.complete_levels:
+            return haar(values, level)
+        half, mask = 1 << (level - 1), self.present.reshape(-1, *[1] * (values.ndim - 1))
+        means = _sums(values * mask, half) / np.maximum(_sums(1.0 * mask, half), 1.0)
+        return np.asarray((means[half:] - means[:-half]) / 2)
 
     @cached_property
     def coefficients(self) -> list[Matrix]:
-        """Haar coefficients D_j of the columns at each level; 0 where a value is missing."""
-        return [haar(self.columns, j) * used[:, None] for j, used in enumerate(self.masks, 1)]
+        """Haar coefficients D_j of the columns at each level; 0 where they are not used."""
+        return [self.haar(self.columns, j) * used[:, None] for j, used in enumerate(self.masks, 1)]
 
     def variances(self, values: Vector) -> Vector:
         """Compute the mean squares of the Haar coefficients of values (n,) at each level (J,)."""
-        squares = [float(np.sum(haar(values, j)[used] ** 2)) for j, used in enumerate(self.masks, 1)]
+        squares = [float(np.sum(self.haar(values, j)[used] ** 2)) for j, used in enumerate(self.masks, 1)]
         return np.asarray(np.array(squares) / self.counts)
 
     @cached_property
@@ -68,19 +98,27 @@ class RegressionDesign:
         """Index ranges (first, end) of the runs of at least two values without a gap."""
         return [(first, last) for first, last in runs_of(self.present).tolist() if last - first > 1]
 
+    @cached_property
+    def spans(self) -> list[tuple[int, int]]:
+        """Index ranges (first, end) with an offset of their own."""
+        if self.offsets:
+            return self.runs
+        places = np.flatnonzero(self.present)
+        return [(int(places[0]), int(places[-1]) + 1)]
+
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute the weights 1/S(f) of the cosine transform of each run; zero above `highest`, where columns have too
+        """Compute the weights 1/S(f) of the cosine transform of each span; zero above `highest`, where columns have too
         large errors."""
         # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
         # interpolated.
         points = 4096
         weights: dict[int, Vector] = {}
-        for size in {last - first for first, last in self.runs}:
+        for size in {last - first for first, last in self.spans}:
             at = np.arange(1, size) / (2 * size)
             grid = at if size <= points else np.geomspace(at[0], at[-1], points)
             inverse = np.exp(np.interp(np.log(at), np.log(grid), -np.log(density(grid))))
             weights[size] = np.concatenate([[0.0], np.where(at <= highest, inverse, 0.0)])
-        return [weights[last - first] for first, last in self.runs]
+        return [weights[last - first] for first, last in self.spans]
 
     def under(self, weights: Sequence[Vector]) -> Weighted:
         """Return the regression with given weights for each run."""
@@ -89,20 +127,19 @@ class RegressionDesign:
 
 @dataclass(frozen=True, eq=False)
 class Weighted:
-    """A regression with weights (n_r,) for the frequencies of each run of n_r values."""
+    """A regression with weights (n_r,) for the frequencies of each span of n_r values."""
 
     design: RegressionDesign
     weights: Sequence[Vector]
 
     @cached_property
     def whitened_columns(self) -> Matrix:
-        """U (n, p): the columns after weighting each frequency of the cosine transform of each run."""
-        from scipy import fft
-
+        """U (n, p): the columns after weighting each frequency of the cosine transform of each span."""
         total = np.zeros_like(self.design.columns)
-        for (first, last), weights in zip(self.design.runs, self.weights, strict=True):
-            transform = fft.dct(self.design.columns[first:last], axis=0, norm="ortho")
-            total[first:last] = fft.idct(weights[:, None] * transform, axis=0, norm="ortho")
+        for (first, last), weights in zip(self.design.spans, self.weights, strict=True):
+            columns, present = self.design.columns[first:last], self.design.present[first:last]
+            weigh = _filtered if np.all(present) else _filtered_between_gaps
+            total[first:last] = weigh(columns, weights, present)
         return total
 
     @cached_property
@@ -113,9 +150,11 @@ class Weighted:
 
     @property
     def condition(self) -> float:
-        """Condition number of P, scaled to unit diagonal; infinite if a column is constant."""
-        scale = np.sqrt(np.diag(self.information))
-        if not np.all(scale > 0):
+        """Condition number of P, scaled to unit diagonal; infinite if a column is constant in each span."""
+        scale = np.sqrt(np.maximum(np.diag(self.information), 0.0))
+        largest = max(float(weights.max()) for weights in self.weights) * np.sum(self.design.columns**2, axis=0)
+        # A column that an offset replaces has the square of the rounding error.
+        if not np.all(scale**2 > 1e-24 * largest):
             return float("inf")
         return float(np.linalg.cond(self.information / np.outer(scale, scale)))
 
@@ -172,11 +211,50 @@ class Weighted:
         for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.residual_masks, strict=True), 1):
             mask = counted if np.any(counted) else self.design.masks[j - 1]
             haar_columns = d[mask]
-            cross = float(np.sum(haar_columns * haar(spread, j)[mask]))
+            cross = float(np.sum(haar_columns * self.design.haar(spread, j)[mask]))
             shares[j - 1] = (2 * cross - float(np.sum((haar_columns.T @ haar_columns) * covariance))) / len(
                 haar_columns
             )
         return shares
+
+
+def _filtered(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:
+    """Multiply each frequency of the cosine transform of columns (n, p) by its weight."""
+    from scipy import fft
+
+    return np.asarray(fft.idct(weights[:, None] * fft.dct(columns, axis=0, norm="ortho"), axis=0, norm="ortho"))
+
+
+def _filtered_between_gaps(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:
+    """Solve for the weighted columns at the times `present`, with sum zero, by conjugate gradients with `_filtered` as
+    preconditioner. It is zero at missing times. Any result is unbiased, and its covariance is exact."""
+    used = weights[1:] > 0
+    # Weight of unused frequencies, relative to the next one used, so that the inverse exists.
+    floor = 1e-3 * float(weights[1:][used][-1])
+    weights = np.concatenate([[0.0], np.where(used, weights[1:], floor)])
+    inverse = np.concatenate([[0.0], 1 / weights[1:]])
+    shares = present / np.count_nonzero(present)
+
+    def centred(values: Matrix) -> Matrix:
+        return np.asarray((values - shares @ values) * present[:, None])
+
+    solution = np.zeros_like(columns)
+    residual = centred(columns)
+    largest = np.linalg.norm(residual, axis=0)
+    step = centred(_filtered(residual, weights, present))
+    power = np.sum(residual * step, axis=0)
+    # Largest number of steps; 20 to 40 are enough if a fifth of the values is missing.
+    for _ in range(300):
+        product = centred(_filtered(step, inverse, present))
+        length = power / np.maximum(np.sum(step * product, axis=0), np.finfo(float).tiny)
+        solution += length * step
+        residual -= length * product
+        if np.all(np.linalg.norm(residual, axis=0) <= 1e-9 * largest):
+            break
+        nearer = centred(_filtered(residual, weights, present))
+        before, power = power, np.sum(residual * nearer, axis=0)
+        step = nearer + power / np.maximum(before, np.finfo(float).tiny) * step
+    return solution
 
 
 def haar(values: Matrix, level: int) -> Matrix:
@@ -186,10 +264,16 @@ def haar(values: Matrix, level: int) -> Matrix:
     return np.asarray((sums[2 * half :] - 2 * sums[half:-half] + sums[: -2 * half]) / (2 * half))
 
 
-def _complete(present: np.ndarray, width: int) -> np.ndarray:
-    """Return the mask of the windows of `width` values that have no missing value."""
+def _sums(values: Matrix, width: int) -> Matrix:
+    """Return the sums of `width` consecutive values along the first axis."""
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray(sums[width:] - sums[:-width])
+
+
+def _counted(present: np.ndarray, width: int) -> np.ndarray:
+    """Return the number of values in each window of `width` times."""
     sums = np.concatenate([[0], np.cumsum(present)])
-    return np.asarray(sums[width:] - sums[:-width] == width)
+    return np.asarray(sums[width:] - sums[:-width])
 
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)

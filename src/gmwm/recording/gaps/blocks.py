@@ -1,8 +1,8 @@
 """Fill the gaps of a recording block by block.
 
-A block has `BLOCK_SAMPLES` known samples, counted from the first one of the recording. Its gaps are filled from its own samples
-and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The result
-therefore does not depend on the parts in which a recording arrives.
+A block has `BLOCK_SAMPLES` known samples, counted from the first one of the recording. Its gaps are filled from its own
+samples and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The
+result therefore does not depend on the parts in which a recording arrives.
 """
 
 from __future__ import annotations

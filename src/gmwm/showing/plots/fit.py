@@ -85,7 +85,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
         elif alone:
             label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
-            label += f" (acts as {acting})" if acting else ""
+            label += f" (like {acting})" if acting else ""
         lines.append(Polyline(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)

@@ -75,8 +75,8 @@ def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:
 def fold(text: str, room: float, size: float) -> str:
     """Wrap a text to a width of `room` points at the font size `size` (points).
 
-    >>> fold("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (acts as WN)", 140.0, 6.6).split("\\n")
-    ['GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s', '(acts as WN)']
+    >>> fold("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (like WN)", 140.0, 6.6).split("\\n")
+    ['GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s', '(like WN)']
     """
     # Even in a very narrow figure, a line can have a few letters.
     room = max(room, 6 * size)

@@ -140,11 +140,15 @@ def plot_conditions(
     fit: ConditionsFit, *, view: ViewName = "auto", units: UnitSystem = "auto",
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
-    """Draw the curves of all conditions with their models."""
-    items: dict[str, Item] = {
-        f"{fit.condition} {c:g}": AtCondition(wv, fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter))
-        for c, wv in fit.curves.items()
-    }
+    """Draw the curves of all conditions with their models; of more than five, four from the lowest to the highest."""
+    conditions = sorted(fit.curves)
+    if len(conditions) > 5:
+        conditions = [conditions[round(k * (len(conditions) - 1) / 3)] for k in range(4)]
+    items: dict[str, Item] = {}
+    for c in conditions:
+        wv = fit.curves[c]
+        implied = fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter)
+        items[f"{fit.condition} {c:.4g}"] = AtCondition(wv, implied)
     return comparison_figure(items, view=view, units=units)
 
 

@@ -1,0 +1,111 @@
+"""Divide a recording during which a condition changes into bins of nearly constant condition.
+
+The coefficients of a bin are those whose samples all have a condition in the bin, so that a term with the variance
+Σ_m s_m φ_m(c) has the wavelet variance Σ_m s_m φ̄_m ν² there, with the mean φ̄_m over the samples of the bin. Levels
+whose coefficients are longer than the time in a bin come from the whole recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.time_base import begins_of, times_of
+from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
+from gmwm.measuring.regression.api import regress, without
+from gmwm.measuring.regression.covariates import HOUR_S, Covariates
+from gmwm.measuring.variance.api import wavelet_variance
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
+
+BINS = 8
+"""Number of bins with equal numbers of samples. A correlation time that changes by a factor of 10 changes by 1.3 in a
+bin, and its curve differs by less than 1 % from that at the mean condition (tests/estimation/test_moving.py)."""
+SHORTEST = 16
+"""Number of samples over which the condition is averaged before it is assigned to a bin."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionBins:
+    """Curves of a recording whose condition moves. `conditions` holds the conditions of the samples of each bin, and
+    `whole` the curve of the whole recording at all levels, of which those above the bins are used."""
+
+    curves: tuple[WaveletVariance, ...]
+    conditions: tuple[Vector, ...]
+    whole: WaveletVariance
+
+    @property
+    def levels(self) -> int:
+        """Number of levels that are measured in the bins."""
+        return len(self.curves[0])
+
+    @property
+    def shares(self) -> Vector:
+        """Shares of the bins in the recording."""
+        sizes = np.array([values.size for values in self.conditions], dtype=np.float64)
+        return np.asarray(sizes / sizes.sum())
+
+
+def condition_of(signal: Signal, condition: Against) -> tuple[CovariateTerm, Covariates, Vector]:
+    """Return the condition, the regression of the mean on it, and its value at each sample."""
+    conditions = Asked.of(condition)
+    term = conditions.terms[0] if len(conditions.terms) == 1 else None
+    arrays = dict(conditions.arrays or {})
+    if term is not None and term.name == TIME:
+        covariates = Covariates.of([term], {}, signal)
+        begins = begins_of(signal.rate, signal.segments, signal.starts)
+        return term, covariates, times_of(np.arange(len(signal)), signal.rate, signal.segments, begins) / HOUR_S
+    if term is None or term.name not in arrays:
+        raise OptionError(
+            argument="condition", expected="one condition with its samples, such as {'temperature': values}, or 'time'",
+            got=condition,
+        )  # fmt: skip
+    covariates = Covariates.slow(term, arrays[term.name], signal)
+    smooth = covariates.clock.interpolate(covariates.smooth[term.name], 0, len(signal))
+    return term, covariates, arrays[term.name] if term.exact else smooth
+
+
+def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: float) -> tuple[str, ConditionBins]:
+    """Remove the effect of a condition on the mean, and measure the curves of its bins. Raises DataError if the
+    condition is constant, or leaves its bins within 16 samples."""
+    term, covariates, values = condition_of(signal, condition)
+    residual = without(signal, regress(signal, covariates), covariates)
+    whole = wavelet_variance(residual, robust=robust, efficiency=efficiency)
+    curves, conditions = [], []
+    for runs in _runs(signal, values):
+        chosen = np.concatenate([np.arange(a, b) for a, b in runs])
+        ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
+        part = Signal(residual.values[chosen], signal.rate, signal.unit, signal.axis, segments=list(pairwise(ends)))
+        curves.append(wavelet_variance(part, robust=robust, efficiency=efficiency))
+        conditions.append(values[chosen])
+    # As in `noise_against`, at least half of the variance of the condition must be between the bins.
+    middles, shares = [float(np.mean(c)) for c in conditions], [c.size for c in conditions]
+    between = np.average((np.array(middles) - np.average(middles, weights=shares)) ** 2, weights=shares)
+    # A level counts in the bins if they hold half of the coefficients of the recording.
+    shortest = min(len(wv) for wv in curves) if len(curves) > 1 else 0
+    counts = np.sum([wv.counts[:shortest] for wv in curves], axis=0)
+    levels = int(np.count_nonzero(2 * counts >= whole.counts[:shortest])) if shortest else 0
+    if levels == 0 or between < 0.5 * np.var(values):
+        raise DataError(
+            f"{term.name} changes too quickly: it leaves each of {BINS} bins within a few samples", argument="against",
+            advice="Record slower changes, or recordings at constant conditions.",
+        )  # fmt: skip
+    return term.name, ConditionBins(tuple(wv.first(levels) for wv in curves), tuple(conditions), whole)
+
+
+def _runs(signal: Signal, values: Vector) -> list[list[tuple[int, int]]]:
+    """Return the ranges of samples of each bin with samples. The bins have equal shares of the recording."""
+    parts = [np.arange(a, b - SHORTEST + 1, SHORTEST) for a, b in signal.segments]
+    starts, segment = np.concatenate(parts), np.repeat(np.arange(len(parts)), [part.size for part in parts])
+    means = np.array([np.mean(values[a : a + SHORTEST]) for a in starts])
+    edges = np.unique(np.quantile(means, np.linspace(0, 1, BINS + 1)[1:-1])) if means.size else means
+    place = np.searchsorted(edges, means)
+    bins = []
+    for k in np.unique(place):
+        first = starts[place == k]
+        breaks = np.flatnonzero((np.diff(first) != SHORTEST) | (np.diff(segment[place == k]) != 0)) + 1
+        bins.append([(int(run[0]), int(run[-1]) + SHORTEST) for run in np.split(first, breaks)])
+    return bins
