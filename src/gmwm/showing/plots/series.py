@@ -63,7 +63,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si", inspection: Inspecti
     for sensor in sensors:
         members = [axis for axis, place in places.items() if place[0] == sensor or not named]
         columns.append(
-            dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors), findings), strict=True))
+            dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors), findings=findings), strict=True))
         )
     letters = sorted({letter for _, letter in places.values()}) if named else []
     rows: list[tuple[Panel | None, ...]] = [
@@ -76,7 +76,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si", inspection: Inspecti
 
 
 def _sensor_panels(
-    imu: Imu, axes: Sequence[str], units: UnitSystem, width: float, findings: Mapping[str, Samples]
+    imu: Imu, axes: Sequence[str], units: UnitSystem, width: float, *, findings: Mapping[str, Samples]
 ) -> list[Panel]:
     """Return the panels of the axes of a sensor, with a common vertical scale if their spans are similar."""
     panels: dict[str, Panel] = {}
