@@ -16,6 +16,7 @@ from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes import GM, OSC, SIN
 from gmwm.theory.processes.exponential_sum import lag_sums
 from gmwm.theory.processes.oscillator import PERIODIC_QUALITY
+from gmwm.theory.statespace import haar_variances
 from tests.helpers import codes
 
 RATE = 100.0
@@ -142,3 +143,13 @@ def test_the_search_finds_an_oscillation_and_n_without_it(samples, frequency, qu
 
 def test_gauss_markov_noise_is_no_oscillation():
     assert GM(beta=1.0, sigma2=1.0).oscillation() is None
+
+
+@pytest.mark.parametrize("frequency", [1e-3, 0.17, 2.0, 30.0])
+@pytest.mark.parametrize("quality", [0.5001, 0.52, 2.0, 60.0, 3000.0])
+def test_the_closed_form_of_the_wavelet_variance_agrees_with_the_state_space(frequency, quality):
+    levels = np.arange(1, 21)
+    expected = haar_variances([OSC(frequency=frequency, quality=quality, sigma2=1.0).state_space(100.0)], levels)
+    for rows in (1, 2):
+        shape = OSC.shape(np.tile([[frequency, quality]], (rows, 1)), levels, 100.0)
+        assert np.allclose(shape / expected, 1.0, atol=1e-9)
