@@ -177,14 +177,17 @@ class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
         """Return one line for each axis, and the reason of each axis whose filter is not consistent."""
         share, kind = f"{100 * self.level:g} %", "the whole model" if self.filter == "model" else self.filter
         results = list(self.values())
-        count = sum(result.verdict == "consistent" for result in results)
+        count, over = (
+            sum(result.verdict == verdict for result in results) for verdict in ("consistent", "overconfident")
+        )
         rows = [["", "", *(duration_text(error.horizon) for error in results[0].errors), "NIS", "its band", "r₁"]]
         for axis, result in self.items():
             low, high = result.nis_band
             cells = [axis, MARKS[result.verdict], *map(_ratio, result.errors), f"{result.nis:.3f}"]
             rows.append([*cells, f"{low:.3f} … {high:.3f}", f"{result.correlation:+.2f}"])
         lines = [
-            f"Filters with {kind}: consistent on {count} of {len(self)} axes in {duration_text(self.duration)}.",
+            f"Filters with {kind}: consistent on {count} of {len(self)} axes, overconfident on {over}, in "
+            f"{duration_text(self.duration)}.",
             f"Claimed over real error of the mean over the next T ({share} interval); ✓ is 0.8 to 1.3:",
             *align(rows, right=range(2, len(rows[0]))),
             *(result.reason() for result in results if result.verdict != "consistent"),
