@@ -39,7 +39,7 @@ quick: lint ## run lint, types, layers and the fast Python tests (one to two min
 SECONDS := 60
 SEED := 1
 
-fuzz: $(VENV)/.dev ## change good files at random and read them; SECONDS=60 for each of nine families of readers
+fuzz: $(VENV)/.dev ## change good files at random and read them; SECONDS=60 for each of the families of input
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --seed $(SEED)
 
 bench: $(VENV)/.dev ## measure time and memory and compare with other programs (minutes); PAGE=1 also updates docs/benchmarks.md

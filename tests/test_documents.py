@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gmwm import Model
 from gmwm.base.arrays import Matrix, Vector
@@ -100,6 +101,23 @@ def test_only_marked_keys_may_be_missing(curve):
     assert Curve.from_dict(content).note is None
     with raises(ReadError, "'search_nodes' is missing"):
         Curve.from_dict({key: value for key, value in content.items() if key != "search_nodes"})
+
+
+@dataclass(frozen=True, eq=False)
+class Counted(Documented):
+    count: int
+    levels: NDArray[np.int64]
+    document = Document("count", "Make it again.")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("count", 1.5), ("count", 1e400), ("levels", [1, 2.5]), ("levels", [1, None]), ("levels", ["x"])]
+)
+def test_no_number_is_rounded_to_a_whole_one(key, value):
+    whole = {"count": 3.0, "levels": [1, 2.0]}
+    assert Counted.from_dict(whole).to_dict() == {"count": 3, "levels": [1, 2]}
+    with raises(ReadError, "not a count"):
+        Counted.from_dict(whole | {key: value})
 
 
 def test_plain_values():

@@ -5,6 +5,7 @@ import os
 
 import pytest
 
+from gmwm.applications.app import folders as app_folders
 from gmwm.applications.app.folders import Folders
 from gmwm.base.errors import OptionError, ReadError
 from tests.helpers import raises
@@ -56,12 +57,31 @@ def test_a_listing_has_neither_hidden_files_nor_links_that_lead_outside(folders)
 @pytest.mark.parametrize("name", ["x.csv", "../../x.csv", "/etc/x.csv", "a\\x.csv"])
 def test_a_dropped_file_stays_in_its_folder(folders, name):
     path = folders.store(name, io.BytesIO(b"dropped"))
-    assert path == folders.dropped / "x.csv"
+    assert path.name == "x.csv"
+    assert path.parent.parent == folders.dropped
     assert path.read_bytes() == b"dropped"
     assert folders.file(str(path)) == path
 
 
 def test_a_dropped_file_without_a_name_is_stored(folders):
     for name in ("", "..", "."):
-        assert folders.store(name, io.BytesIO(b"x")).parent == folders.dropped
-    assert os.listdir(folders.dropped) == ["dropped"]
+        assert folders.store(name, io.BytesIO(b"x")).parent.parent == folders.dropped
+
+
+def test_two_drops_of_one_name_are_two_files(folders):
+    first, second = (folders.store("x.csv", io.BytesIO(content)) for content in (b"first", b"second"))
+    assert (first.read_bytes(), second.read_bytes()) == (b"first", b"second")
+
+
+@pytest.mark.parametrize("name", ["a\0b.csv", "x" * 1000 + ".csv", "\ud800.csv", "line\nbreak.csv"])
+def test_a_hostile_name_is_stored_under_a_safe_one(folders, name):
+    path = folders.store(name, io.BytesIO(b"x"))
+    assert path.suffix == ".csv"
+    assert path.read_bytes() == b"x"
+
+
+def test_a_drop_that_is_too_large_leaves_nothing(folders, monkeypatch):
+    monkeypatch.setattr(app_folders, "LARGEST_DROP", 10)
+    with raises(ReadError, code="too-large"):
+        folders.store("x.csv", io.BytesIO(b"x" * 11))
+    assert os.listdir(folders.dropped) == []

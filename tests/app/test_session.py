@@ -1,5 +1,6 @@
 """The session: a small document with checked values, and the commands that repeat it."""
 
+import dataclasses
 import json
 import shlex
 
@@ -7,8 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.app.commands import python_lines, shell_lines
-from gmwm.applications.app.session import EMPTY, Session
-from gmwm.base.errors import ModelError, OptionError, ReadError
+from gmwm.applications.app.session import EMPTY, FORMAT, VERSION, Session
+from gmwm.base.errors import GmwmError, ModelError, OptionError, ReadError
 from gmwm.cli.main import app
 from tests.helpers import raises
 
@@ -96,3 +97,31 @@ def test_the_python_lines_run(tmp_path, monkeypatch):
     exec(compile("\n".join(python_lines(session)), "shown", "exec"), {})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "calibration.json", "imu.yaml", "report.html"]
     assert "Inflation factor: 3" in (tmp_path / "imu.yaml").read_text(encoding="utf-8")
+
+
+HOSTILE = (
+    0, -1, 3, 1.5, True, "", "x", "kalibr", [], [[]], {}, {"a": 1}, {"rate": "x"}, {"skip": 5}, {"skip": [[1]]},
+    {"unknown": 1}, {"units": 3}, {"columns": {"gyro_x": []}}, {"start": [1]}, {"gyro_x": 5}, {"gyro_x": "WN +"},
+    None, 10**400, 1e400, float("nan"),
+)  # fmt: skip
+
+
+def test_every_wrong_value_of_a_document_is_one_error():
+    refused = 0
+    for field in dataclasses.fields(Session):
+        for value in HOSTILE:
+            text = json.dumps({"format": FORMAT, "version": VERSION, field.name: value})
+            try:
+                session = Session.from_text(text)
+            except GmwmError:
+                refused += 1
+                continue
+            assert Session.from_text(session.to_text()) == session
+    assert refused > 200
+
+
+def test_a_session_that_is_no_utf_8_is_one_error(tmp_path):
+    path = tmp_path / "session.json"
+    path.write_bytes(b"\xff\xfe{}")
+    with raises(ReadError, code="not-text"):
+        Session.load(path)

@@ -19,7 +19,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.corpus import FAMILIES
+from tests.fuzz.corpus import FAMILIES, OTHERS
 
 LIMIT = 10.0
 """Longest processor time (s) of an input."""
@@ -123,7 +123,7 @@ def _processor_time(number: int) -> float:
 def main() -> int:
     """Run the families, and print a line for each; return 1 if any input failed."""
     parser = argparse.ArgumentParser(description="Change good files at random, and read them.")
-    parser.add_argument("families", nargs="*", default=[*FAMILIES, "documents"], help="by default all")
+    parser.add_argument("families", nargs="*", default=[*FAMILIES, *OTHERS], help="by default all")
     parser.add_argument("--seconds", type=float, default=60.0, help="time for each family (60)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first input (0)")

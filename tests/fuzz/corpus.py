@@ -14,8 +14,13 @@ import numpy as np
 import scipy.io
 
 import gmwm
+from gmwm.applications.app.session import Session
+from gmwm.base.errors import GmwmError
 from gmwm.files.formats.byte_sources import zstd_library
+from gmwm.files.importers import given_noise
 from gmwm.recording.imu_records import TYPES
+from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters.given import given_calibration
 from tests.readers import rosbag_files, test_dataflash, test_imr, test_matlab, test_ulog, test_waypoint
 from tests.readers.test_layouts import LAYOUTS
 
@@ -196,6 +201,32 @@ FAMILIES: dict[str, Callable[[Path], Files]] = {
 """The families of readers, with the function that makes their files in a folder."""
 
 
+def importers(folder: Path) -> Files:
+    """Yield the files of other programs with noise numbers, as gmwm writes them."""
+    noise = given_noise("gyro: N=0.15deg/√h, K=2deg/h/√h; accel: N=60µg/√Hz, K=1e-4m/s²/√s", 200.0)
+    found = given_calibration(noise)
+    for name in export_formats():
+        try:
+            yield f"{name}.txt", found.export(format=name).encode()
+        except GmwmError:
+            continue  # the format needs terms that the text does not state
+
+
+TEXTS = {
+    "datasheet": "gyro: N=0.15deg/√h, B=3deg/h over 100s, K=1e-6rad/s/√s; accel_x: N=60µg/√Hz, VRE=0.02g/sqrt(Hz)",
+    "model": "2*GM(beta=fixed(0.1), sigma2=1e-6) + WN + RW(gamma2=1e-12) + SARMA(1, 0, 1, 1, 12) + AR(3) + FGN(H=0.7)",
+    "reference": "gyro.N = 2.0 deg/√h",
+    "columns": "gyro_x=wx,gyro_y=3,time=",
+    "scale": "gyro=1/131,accel_x=6.1e-5",
+    "length": "1h20min3.5s",
+}
+
+
+def texts(folder: Path) -> Files:
+    """Yield texts that users type as options."""
+    yield from ((f"{name}.txt", text.encode()) for name, text in TEXTS.items())
+
+
 def documents(folder: Path) -> dict[str, bytes]:
     """Return the documents that gmwm reads: a calibration, fits, a fleet, and the states of accumulators and
     monitors."""
@@ -218,4 +249,23 @@ def documents(folder: Path) -> dict[str, bytes]:
         "fleet.json": (folder / "fleet" / "fleet.json").read_bytes(),
         "accumulator.json": json.dumps(state).encode(),
         "monitor.json": json.dumps(gmwm.Monitor(found).to_dict()).encode(),
+        "session.json": Session(
+            file="a.csv",
+            reading={"rate": 100, "units": {"gyro": "deg/s"}, "skip": [(1, 2)], "columns": {"gyro_x": 1}},
+            axis="gyro_x",
+            robust=True,
+            models={"gyro_x": "WN + RW"},
+            reference={"gyro.N": "2.0 deg/√h"},
+            rule="worst",
+        )
+        .to_text()
+        .encode(),
     }
+
+
+OTHERS = {
+    "documents": lambda folder: documents(folder).items(),
+    "importers": importers,
+    "texts": texts,
+}
+"""The families of other input, with the function that makes their files."""

@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from gmwm.applications.app.session import Session
+from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, GmwmWarning
+from gmwm.files.columns.columns import parse_columns
+from gmwm.files.columns.scale_factors import parse_scale
+from gmwm.files.importers import given_noise
+from gmwm.files.importers.quantities import parse_reference
 from gmwm.files.readers.topics import inertial_topics
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -95,14 +101,46 @@ def _compare(imu: gmwm.Imu, path: Path, options: dict[str, Any]) -> None:
 
 def document_trial(path: Path) -> str:
     """Load a document, and use what was loaded. Return "answer" or the name of the error."""
+    return _trial(_DOCUMENTS[path.name], path)
+
+
+def import_trial(path: Path) -> str:
+    """Import the noise of a file of another program. Return "answer" or the name of the error."""
+    return _trial(lambda file: _use_noise(given_noise(file, 200.0)), path)
+
+
+def text_trial(path: Path) -> str:
+    """Use a text as the option that the name of the file states. Return "answer" or the name of the error."""
+    return _trial(_TEXTS[path.stem], path.read_bytes().decode("utf-8", "replace"))
+
+
+def _trial(use: Any, source: Any) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", GmwmWarning)
         try:
-            _DOCUMENTS[path.name](path)
+            use(source)
         except GmwmError as error:
             return _checked(error)
         return "answer"
+
+
+def _use_noise(noise: Any) -> None:
+    """Require that all numbers of imported noise are finite, and that the models read back."""
+    for model in noise.models.values():
+        assert gmwm.Model.parse(str(model)) == model, str(model)
+        assert all(np.isfinite(value) for value in model.parameters.values()), str(model)
+
+
+def _model(text: str) -> None:
+    model = gmwm.Model.parse(text)
+    assert gmwm.Model.parse(str(model)) == model, str(model)
+
+
+_TEXTS = {
+    "datasheet": lambda text: _use_noise(given_noise(text, 200.0)), "model": _model, "reference": parse_reference,
+    "columns": parse_columns, "scale": parse_scale, "length": lambda text: parse_length(text, "start"),
+}  # fmt: skip
 
 
 def _calibration(path: Path) -> None:
@@ -150,9 +188,16 @@ def _json(read: Any, path: Path) -> Any:
         raise GmwmError(f"not JSON: {str(error)[:200]}") from error
 
 
+def _session(path: Path) -> None:
+    session = Session.load(path)
+    assert Session.from_text(session.to_text()) == session
+
+
+TRIALS = {"documents": document_trial, "importers": import_trial, "texts": text_trial}
+"""What is done with the input of the families that are no recordings."""
 _DOCUMENTS = {
     "calibration.json": _calibration, "fits.json": _fits, "fleet.json": _fleet, "accumulator.json": _accumulator,
-    "monitor.json": _monitor,
+    "monitor.json": _monitor, "session.json": _session,
 }  # fmt: skip
 
 

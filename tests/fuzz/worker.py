@@ -37,8 +37,7 @@ class Inputs:
 
     def __init__(self, family: str, seed: int, folder: Path) -> None:
         self.seed, self.folder, self.documents = seed, folder, family == "documents"
-        made = corpus.documents(folder) if self.documents else dict(corpus.FAMILIES[family](folder))
-        self.files = list(made.items())
+        self.files = list((corpus.FAMILIES | corpus.OTHERS)[family](folder))
 
     def write(self, number: int) -> Path:
         """Write an input, and return its path."""
@@ -59,7 +58,7 @@ def main(family: str, seed: int, first: int, last: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with tempfile.TemporaryDirectory() as folder:
         inputs = Inputs(family, seed, Path(folder))
-        trial = trials.document_trial if inputs.documents else trials.read_trial
+        trial = trials.TRIALS.get(family, trials.read_trial)
         counts: Counter[str] = Counter()
         for number in range(first, last):
             path = inputs.write(number)

@@ -49,7 +49,7 @@ def test_pandas():
     many.columns = pd.MultiIndex.from_tuples([axis.split("_") for axis in AXES])
     same(Imu.from_arrays(many, 50), 50)
     frame.iloc[7, 2] = np.nan
-    with warns("samples-lost:lost", count=1):
+    with warns("samples-lost:axes", count=1):
         assert Imu.from_arrays(frame, 200).segments == ((0, 7), (7, ROWS - 1))
 
 

@@ -1,13 +1,14 @@
 """Missing values, bad lines, rows of other messages and dead axes: nothing is lost without a word, or spliced."""
 
 import itertools
+import warnings
 
 import numpy as np
 import polars as pl
 import pytest
 
 import gmwm
-from gmwm.base.errors import DataError, ReadError
+from gmwm.base.errors import DataError, GmwmWarning, ReadError
 from gmwm.files.clock.lost_samples import gaps_of
 from gmwm.files.formats import parquet, text
 from gmwm.files.readers import interpretation, read, stream
@@ -53,7 +54,7 @@ def joined(source):
 
 @pytest.mark.parametrize("cell", ["nan", "", "NA", "NaN", "-inf", "1e999", "null", "N/A"])
 def test_a_missing_value_is_a_gap(tmp_path, cell):
-    with warns("samples-lost:lost", count=1):
+    with warns("samples-lost:axes", count=1, axes=("gyro_x",), without="gyro_x:none"):
         imu = read(saved(tmp_path, changed(_17=f"0.17,{cell},1\n")))
     assert imu.segments == ((0, 17), (17, ROWS - 1))
     assert imu["gyro_y"].starts == pytest.approx((0.0, 0.18))
@@ -236,19 +237,45 @@ def test_rows_of_other_messages_are_left_out(tmp_path, small_blocks):
     assert sum(map(len, stream(path))) == ROWS
 
 
-def test_sensors_with_different_rates_in_one_table(tmp_path):
-    odd = np.arange(ROWS) % 3 > 0
+@pytest.mark.parametrize("stamped", [True, False])
+@pytest.mark.parametrize("kind", ["end", "beginning", "every third", "other rows"])
+def test_a_sensor_that_lacks_values_costs_the_others_nothing(tmp_path, small_blocks, kind, stamped):
+    k = np.arange(ROWS)
+    away = {"end": k >= ROWS // 2, "beginning": k < ROWS // 2, "every third": k % 3 > 0, "other rows": k % 3 == 1}[kind]
+    table = {"gyro_x": VALUES[:, 0], "accel_x": np.where(away, np.nan, VALUES[:, 1])}
+    if kind == "other rows":  # the sensors have rows of their own
+        table = {"gyro_x": np.where(away, np.nan, VALUES[:, 0]), "accel_x": np.where(away, VALUES[:, 1], np.nan)}
+    if stamped:
+        table["time"] = k / 100 if kind != "other rows" else np.cumsum(~away) / 100 + 0.004 * away
+    pl.DataFrame(table).write_parquet(tmp_path / "a.parquet")
+    options = {"units": {"gyro": "rad/s", "accel": "g"}, "rate": None if stamped else 100.0}
+    counts = {axis: float(np.isfinite(table[axis]).sum()) for axis in ("gyro_x", "accel_x")}
+    facts = {"kind": "sparse", "value": counts["accel_x"], "rows": int(counts["gyro_x"]), "columns": "accel_x:accel_x"}
+    with warns("axis-dead", "accel_x", **facts):
+        imu = read(tmp_path / "a.parquet", **options)
+    assert imu.axes == ("gyro_x",)
+    assert len(imu) == counts["gyro_x"]
+    assert len(imu.segments) == 1 or not stamped
+    warnings.simplefilter("ignore", GmwmWarning)  # the rows of the other sensor are lost samples of a known place
+    with warns("axis-dead", "accel_x", **facts):
+        source = stream(tmp_path / "a.parquet", **options)
+    assert source.axes == imu.axes
+    assert np.array_equal(np.concatenate([chunk["gyro_x"] for chunk in source]), imu["gyro_x"].values)
+    if stamped:
+        alone = read(tmp_path / "a.parquet", columns={"accel_x": "accel_x"}, **options)
+        assert len(alone) == counts["accel_x"]
+
+
+def test_sensors_with_rows_of_their_own_and_equal_rates(tmp_path):
+    odd = np.arange(ROWS) % 2 > 0
     table = {
         "time": np.arange(ROWS) / 100,
-        "gyro_x": VALUES[:, 0],
+        "gyro_x": np.where(odd, VALUES[:, 0], np.nan),
         "accel_x": np.where(odd, np.nan, VALUES[:, 1]),
     }
     pl.DataFrame(table).write_parquet(tmp_path / "a.parquet")
-    with raises(DataError, "gyro_x in 6000, accel_x in 2000", advises=["columns={'gyro_x': 'gyro_x'}"]):
+    with raises(DataError, "gyro_x in 3000, accel_x in 3000", advises=["columns={'gyro_x': 'gyro_x'}"]):
         read(tmp_path / "a.parquet", units={"gyro": "rad/s", "accel": "g"})
-    assert read(tmp_path / "a.parquet", columns={"accel_x": "accel_x"}, units={"accel": "g"}).rate == pytest.approx(
-        100 / 3
-    )
 
 
 def test_gaps_of_lost_rows_and_time_stamps():

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gmwm.base.errors import ReadError
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.rate_check import rate_change
+from gmwm.files.clock.running_clock import Pace, RunningClock
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)
@@ -126,3 +127,61 @@ def test_a_few_backward_steps_split():
 def test_a_clock_that_is_set_back_all_the_time_is_no_time():
     with raises(ReadError, code="time-order"):
         base(np.arange(20_000) % 50 * 0.01)
+
+
+COURSES = {
+    "steady": lambda x: 0 * x,
+    "1 % along the recording": lambda x: 0.01 * x,
+    "4 % along the recording": lambda x: 0.04 * x,
+    "4 % at the beginning": lambda x: 0.04 * np.exp(-5 * x),
+    "up and down by 2 %": lambda x: 0.02 * np.sin(2 * np.pi * x),
+}
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+@pytest.mark.parametrize("course", COURSES)
+def test_a_rate_that_drifts_is_stated_with_its_course(course, jitter):
+    size, rng = 20_000, np.random.default_rng(3)
+    rates = 100 / (1 + COURSES[course](np.arange(size) / size))
+    stamps = np.cumsum(1 / rates) + jitter * 0.01 * rng.uniform(-1, 1, size)
+    drifts = [remark for remark in clock_of([stamps], "s", None)[0].remarks if remark.facts.get("case") == "drift"]
+    assert bool(drifts) == (np.ptp(rates) > 1.5)
+    for remark in drifts:
+        assert remark.facts["first"].value == pytest.approx(rates[: size // 8].mean(), rel=1e-3)
+        assert remark.facts["last"].value == pytest.approx(rates[-size // 8 :].mean(), rel=1e-3)
+        assert remark.facts["low"].value >= rates.min() * 0.999
+        assert remark.facts["high"].value <= rates.max() * 1.001
+
+
+@pytest.mark.parametrize("size", [100, 1000, 20_000])
+@pytest.mark.parametrize("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
+def test_a_steady_rate_does_not_drift(name, size):
+    for seed in range(3):
+        stamps = STEADY[name](size, np.random.default_rng(seed))
+        remarks = clock_of([stamps], "s", None)[0].remarks
+        assert not any(remark.facts.get("case") == "drift" for remark in remarks), seed
+
+
+def test_jitter_is_not_called_rounding():
+    rng = np.random.default_rng(4)
+    jitter = np.arange(20_000) * 0.01 + 0.005 * rng.uniform(-1, 1, 20_000)
+    rounding = np.floor(np.arange(20_000) / 137 / 0.01) * 0.01
+    causes = {
+        remark.facts["cause"]
+        for stamps in (jitter, rounding)
+        for remark in clock_of([stamps], "s", None)[0].remarks
+        if remark.facts.get("case") == "mean"
+    }
+    assert causes == {"free", "spaced"}
+
+
+@pytest.mark.parametrize("step", [0.005, 0.01])
+def test_a_live_clock_takes_rounded_stamps_row_by_row(step):
+    stamps = np.round(np.floor((np.arange(1500) / 137 + 0.0031) / step) * step, 3)
+    timing = base(stamps[:100])
+    clock = RunningClock(Pace.of(stamps[:100], "s", timing))
+    for row in range(stamps.size):
+        clock.take(stamps[row : row + 1])
+    clock.end()
+    assert clock.base().gaps == ()
+    assert clock.rows == stamps.size

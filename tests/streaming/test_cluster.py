@@ -148,9 +148,9 @@ def test_lost_samples_are_those_of_one_pass(tmp_path, client):
     numbers = frame["gyro_x"].to_numpy().copy()
     numbers[[150_000, 190_000]] = np.nan
     frame.with_columns(gyro_x=numbers).write_parquet(path)
-    with warns("samples-lost:lost", count=2):
+    with warns("samples-lost:axes", count=2):
         expected = opened(path).wavelet_variance()
-    with warns("samples-lost:lost", count=2):
+    with warns("samples-lost:axes", count=2):
         same(opened(path).wavelet_variance(scheduler=client, parts=10), expected)
 
 

@@ -114,7 +114,10 @@ def _read(kind: type[T], values: Mapping[str, Any]) -> T:
 def _value(kind: Any, value: Any, entry: DocKey) -> Any:
     """Read a value whose annotation is `kind`. A value of the wrong type is left as it is if a check names it later."""
     if (number_type := array_type(kind)) is not None:
-        return np.array(_filled(value, entry.default), dtype=number_type)
+        numbers = np.array(_filled(value, entry.default), dtype=number_type)
+        if numbers.dtype.kind == "i" and not np.array_equal(numbers, np.array(value, dtype=np.float64)):
+            raise OptionError(argument=entry.key, expected="whole numbers", got=value)
+        return numbers
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
         kinds = [one for one in inner if one is not NoneType]
@@ -126,6 +129,8 @@ def _value(kind: Any, value: Any, entry: DocKey) -> Any:
         return tuple(_value(one, item, entry) for one, item in zip(kinds, value, strict=True))
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return {inner[0](key): _value(inner[1], item, entry) for key, item in value.items()}
+    if kind is int and isinstance(value, float) and not value.is_integer():
+        raise OptionError(argument=entry.key, expected="a whole number", got=value)
     if kind in (int, float) and not isinstance(value, str | bool):
         return kind(_filled(value, entry.default))
     if kind in _READERS:

@@ -165,6 +165,8 @@ def kept_ranges(
         if not begin < end:
             raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
     ranges = []
+    if not isinstance(skip, Sequence):
+        raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=skip)
     for pair in sorted(_check(pair) for pair in skip):
         if begin < min(pair[0], end):
             ranges.append((begin, min(pair[0], end)))

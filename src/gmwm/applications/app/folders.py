@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
 from gmwm.base.errors import OptionError, ReadError
+
+LARGEST_DROP = 4 << 30
+"""Largest size of a dropped file (bytes). Larger files are opened where they are."""
+
+
+def too_large(size: int) -> ReadError:
+    """Return the error for a dropped file that is too large."""
+    return ReadError(
+        f"a dropped file may have {LARGEST_DROP >> 30} GiB, and this one has {size / 2**30:.1f} GiB or more",
+        code="too-large", advice="Open it by its path instead.",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,12 +61,23 @@ class Folders:
         )
 
     def store(self, name: str, content: IO[bytes]) -> Path:
-        """Copy a dropped file to the temporary folder, and return its path."""
-        last = Path(name.replace("\\", "/")).name
-        target = self.dropped / (last if last not in ("", "..") else "dropped")
-        with target.open("wb") as file:
-            for block in _blocks(content):
-                file.write(block)
+        """Copy a dropped file to a folder of its own in the temporary folder, and return its path. Raises a ReadError
+        if it is larger than `LARGEST_DROP`."""
+        last = re.sub(r"[\x00-\x1f\x7f\ud800-\udfff]", "_", Path(name.replace("\\", "/")).name)
+        # A file system allows names of 255 bytes. The suffix can decide the format.
+        short = last if len(last.encode()) <= 200 else f"{last[:40]}{Path(last).suffix[:10]}"
+        target = Path(tempfile.mkdtemp(dir=self.dropped)) / (short if short not in ("", ".", "..") else "dropped")
+        size = 0
+        try:
+            with target.open("wb") as file:
+                for block in _blocks(content):
+                    size += len(block)
+                    if size > LARGEST_DROP:
+                        raise too_large(size)
+                    file.write(block)
+        except BaseException:
+            shutil.rmtree(target.parent, ignore_errors=True)
+            raise
         return target
 
     def _inside(self, text: str) -> Path:

@@ -91,8 +91,8 @@ def shown_times(relayout: dict[str, Any] | None) -> tuple[float, float] | None:
     >>> shown_times({"selections": [{"x0": 20.0, "x1": 10.0}]})
     (10.0, 20.0)
     """
-    marked = (relayout or {}).get("selections") or []
-    if not marked:
-        return None
-    ends = sorted(float(marked[-1][name]) for name in ("x0", "x1"))
-    return ends[0], ends[1]
+    marked = (relayout or {}).get("selections") or [{}]
+    last = marked[-1] if isinstance(marked, list) else {}
+    ends = [last.get(name) for name in ("x0", "x1")] if isinstance(last, dict) else []
+    times = sorted(float(end) for end in ends if isinstance(end, int | float))
+    return (times[0], times[1]) if len(times) == 2 else None

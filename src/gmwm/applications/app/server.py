@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import json
 import logging
 import secrets
 import tempfile
@@ -18,9 +19,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.folders import Folders
+from gmwm.applications.app.door import LARGEST_CALLBACK, ForgedRequestError, require_callback
+from gmwm.applications.app.folders import LARGEST_DROP, Folders, too_large
 from gmwm.applications.app.session import Session
-from gmwm.base.errors import GmwmWarning, OptionError
+from gmwm.base.errors import GmwmWarning, OptionError, ReadError
 from gmwm.base.extras import library
 
 HOST = "127.0.0.1"
@@ -98,7 +100,7 @@ def open_path(path: Path, dropped: Path) -> tuple[Folders, Session]:
     folders = Folders(root.parent, dropped)
     if root.suffix != ".json":
         return folders, Session(file=str(root))
-    session = Session.from_text(root.read_text(encoding="utf-8"))
+    session = Session.load(root)
     return Folders(folders.file(session.file).parent, dropped) if session.file else folders, session
 
 
@@ -114,7 +116,14 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
     flask.before_request(lambda: None if _is_allowed(request, host, token) else ("Refused.", 403))
 
     def receive() -> Any:
-        return {"path": str(desk.folders.store(request.args.get("name", ""), request.stream))}
+        try:
+            if (request.content_length or 0) > LARGEST_DROP:
+                raise too_large(request.content_length or 0)
+            return {"path": str(desk.folders.store(request.args.get("name", ""), request.stream))}
+        except ReadError as error:
+            return str(error), 413
+        except OSError as error:
+            return f"The file could not be stored: {error.strerror}.", 507
 
     flask.add_url_rule(f"{prefix}dropped", view_func=receive, methods=["POST"])
 
@@ -125,6 +134,20 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
     )  # fmt: skip
     app.layout = lambda: layout(desk)
     register(app, desk)
+
+    def check_callback() -> Any:
+        """Refuse the callbacks that the page cannot send."""
+        if not request.path.endswith("/_dash-update-component"):
+            return None
+        if (request.content_length or 0) > LARGEST_CALLBACK:
+            return "Too large.", 413
+        try:
+            require_callback(json.loads(request.get_data()), app.callback_map)
+        except (ValueError, RecursionError, ForgedRequestError) as error:
+            return f"Refused: {error}"[:200], 400
+        return None
+
+    flask.before_request(check_callback)
     policy = "; ".join(
         (
             "default-src 'none'", f"script-src 'self' {' '.join(app.csp_hashes())}",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from gmwm.base.errors import OptionError, ReadError
+from gmwm.base.errors import GmwmError, OptionError, ReadError
+from gmwm.base.kinds import Document, require_kinds
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.recording.options import ReadOptions, one_of
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 FORMAT = "gmwm-session"
+LONGEST = 1_000_000
+"""Largest length of a session."""
+_DOCUMENT = Document("session", "Save it again with the button session.json of the app.")
 VERSION = 1
 """Version of the format. gmwm reads only this version."""
+READING = tuple(field.name for field in fields(ReadOptions))
 Curve = Literal["classical", "robust", "both"]
 """Which estimates of the wavelet variance the tab "Curves" shows."""
 
@@ -97,12 +102,17 @@ class Session:
         object.__setattr__(self, "models", {axis: str(model) for axis, model in self.calibration.models.items()})
         for name, allowed in _ALLOWED.items():
             one_of(getattr(self, name), name, allowed)
+        if self.rule is not None:
+            one_of(self.rule, "rule", get_args(Rule))
         for name in ("inflation", "horizon", "duration"):
             object.__setattr__(self, name, _positive(getattr(self, name), name))
 
     @property
     def options(self) -> ReadOptions:
         """Options for reading the file, from `reading`."""
+        unknown = next((name for name in self.reading if name not in READING), None)
+        if unknown is not None:
+            raise _DOCUMENT.error(f"the option {unknown!r} for reading is unknown")
         return ReadOptions(**self.reading)
 
     @property
@@ -141,13 +151,30 @@ class Session:
         unknown = next((name for name in content if name not in names), None)
         if unknown is not None:
             raise ReadError(f"not a session: the key {unknown!r} is unknown", code="unsupported")
-        return cls(**content)
+        if len(str(content)) > LONGEST:
+            raise _DOCUMENT.error(f"it has more than {LONGEST} characters")
+        try:
+            session = cls(**content)
+        except GmwmError:
+            raise
+        except (TypeError, ValueError, AttributeError, ArithmeticError, LookupError) as error:
+            raise _DOCUMENT.error(str(error)) from error
+        require_kinds(session, "", _DOCUMENT)
+        return session
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Restore a session from a session.json."""
+        try:
+            return cls.from_text(path.read_text(encoding="utf-8"))
+        except UnicodeDecodeError as error:
+            raise ReadError(f"not a session: it is not text in UTF-8 ({error.reason})", code="not-text") from error
 
     @classmethod
     def from_text(cls, text: str) -> Self:
         """Restore a session from the text of a session.json."""
         try:
-            content = json.loads(text)
+            content = json.loads(text) if len(text) <= LONGEST else None
         except (ValueError, RecursionError) as error:
             raise ReadError(f"not a session: it is not JSON ({error})", code="not-text") from error
         if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
@@ -162,7 +189,7 @@ class Session:
 
 
 def _positive(value: Any, name: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
         raise OptionError(argument=name, expected="a positive number", got=value)
     return float(value)
 

@@ -31,7 +31,7 @@ def removing(fit: Fit, term: str) -> str:
 
 def holding(fit: Fit, parameter: str) -> str:
     """Return the model of a fit with a parameter held fixed at its estimate. If it was held before, it becomes free."""
-    term, _, name = parameter.rpartition(".")
+    term, _, name = _parts(fit, parameter)
     process = _terms(fit)[term]
     value = None if process.is_fixed(name) else Fixed(fit.parameters[parameter])
     return replacing(fit, term, process.with_values(**{name: value}))
@@ -39,12 +39,19 @@ def holding(fit: Fit, parameter: str) -> str:
 
 def held_at(fit: Fit, parameter: str, text: str) -> str:
     """Return the model of a fit with a parameter held fixed at a given value."""
-    term, _, name = parameter.rpartition(".")
+    term, _, name = _parts(fit, parameter)
     try:
         value = float(text)
     except ValueError:
         raise OptionError(argument="model", expected=f"a number for {parameter}", got=text) from None
     return replacing(fit, term, _terms(fit)[term].with_values(**{name: Fixed(value)}))
+
+
+def _parts(fit: Fit, parameter: str) -> tuple[str, str, str]:
+    """Divide the name of a parameter of a fit into term, point and name."""
+    if parameter not in fit.parameters:
+        raise OptionError(argument="model", expected=f"one of {', '.join(fit.parameters)}", got=parameter)
+    return parameter.rpartition(".")
 
 
 def replacing(fit: Fit, term: str, process: Process) -> str:

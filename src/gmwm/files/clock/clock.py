@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase, gap_duration
@@ -57,6 +57,8 @@ class _StampBlock:
     duplicates: int
     backward: int
     steps: ClockSteps  # wraps of a counter and changes of summer time
+    spaced: bool  # whether the intervals are multiples of a tenth of a sampling interval or more, as if rounded
+    course: Matrix  # index of the sample and time stamp of some rows (M, 2), between which the rate is compared
     end: float  # tick of the first row of the next block
 
 
@@ -157,7 +159,8 @@ def _block(
     require_one_rate(ticks, per_second, offset)
     declared = before[0].found.interval if before else None
     declared = per_second / rate if rate is not None else declared
-    losses = find_losses(ticks, resolution_of(ticks, window.spacing), declared)
+    resolution = resolution_of(ticks, window.spacing)
+    losses = find_losses(ticks, resolution, declared)
 
     lost = np.zeros(ticks.size, dtype=np.int64)
     lost[losses.rows] = losses.lost
@@ -187,6 +190,7 @@ def _block(
         whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
         steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
+        spaced=resolution > 0.1 * losses.interval, course=_course(index, ticks[block]),
     )  # fmt: skip
 
 
@@ -210,6 +214,8 @@ def _joint_timing(
     shift = reference - interval
     squares = sum(b.squares for b in blocks) + 2 * shift * (span - inside * reference) + inside * shift**2
     jitter = float(np.sqrt(max(squares, 0.0) / inside)) if inside else 0.0
+    if drift := _about_drift(blocks, jitter / interval, per_second):
+        remarks = [drift, *steps.remarks(per_second)]
     if rate is not None:
         away = max(last - first for first, last in segments) * abs(per_second / rate - interval)
         grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
@@ -242,9 +248,11 @@ def _interval(
     longest = int(np.max(np.diff(rows, prepend=0, append=count)))
     if abs(interval - median) * longest <= 0.5 * median:
         return interval, None
+    # Rounded time stamps have few different intervals, and jitter has many.
+    spaced = all(b.spaced for b in blocks)
     remark = Remark.of(
         "rate-stated", case="mean", rate=Quantity(per_second / interval, "Hz"),
-        median=Quantity(median / per_second, "s"),
+        median=Quantity(median / per_second, "s"), cause="spaced" if spaced else "free",
     )  # fmt: skip
     return interval, remark
 
@@ -258,6 +266,29 @@ def _slope(blocks: Sequence[_StampBlock]) -> float:
     k, t = k - np.average(k, weights=sizes), t - np.average(t, weights=sizes)
     spread, slopes = np.array([b.spread for b in blocks]), np.array([b.found.interval for b in blocks])
     return float((np.dot(slopes, spread) + np.sum(sizes * k * t)) / (np.sum(spread) + np.sum(sizes * k * k)))
+
+
+def _course(index: Vector, ticks: Vector) -> Matrix:
+    """Return the index of the sample and the time stamp at nine rows, from means of 64 rows around them."""
+    width = min(64, max(1, index.size // 16))
+    rows = np.linspace(0, index.size - width, 9).astype(np.int64)
+    return np.array([[np.mean(v[row : row + width]) for v in (index, ticks)] for row in rows])
+
+
+def _about_drift(blocks: Sequence[_StampBlock], jitter: float, per_second: int) -> Remark | None:
+    """Return a remark if the rate changes slowly by more than 1 %, beyond the jitter (sampling intervals)."""
+    course = np.concatenate([block.course for block in blocks])
+    course = course[np.linspace(0, len(course) - 1, 9).astype(np.int64)]
+    samples, ticks = np.diff(course, axis=0).T
+    if np.any(samples <= 0) or np.any(ticks <= 0):
+        return None
+    rates = samples / ticks * per_second
+    # Six standard errors of the difference of two means of time stamps. A delay in a buffer lasts for many rows.
+    if np.ptp(rates) < np.max(rates) * max(RATE_TOLERANCE, 6 * np.sqrt(2) * jitter / float(np.min(samples))):
+        return None
+    first, last, low, high = (Quantity(float(rate), "Hz") for rate in (rates[0], rates[-1], min(rates), max(rates)))
+    percent = float(100 * np.ptp(rates) / np.mean(rates))
+    return Remark.of("stamps-irregular", case="drift", first=first, last=last, low=low, high=high, percent=percent)
 
 
 def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | None:

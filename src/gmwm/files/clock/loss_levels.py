@@ -146,7 +146,7 @@ def row_levels(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
         longest = steps[low - 1 : high - 1]
         price = _RISE - _AT_STEP * longest / np.max(longest)
         costs = np.stack([cost(x[low:high] - height) for height in levels])
-        last = -x.size
+        last = -x.size - 8 - width  # before all rows that could belong to the same loss
         for row, a, b in _cheapest(costs, price):
             jump, row = levels[b] - levels[a], low + row
             # Rows between two rises that belong to the same loss; in long blocks, an eighth of a block.

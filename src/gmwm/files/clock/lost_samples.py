@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,8 @@ class Sifted:
     # number of rows that were left out because they have no time stamp, and because they have no value in any axis
     unplaced: int = 0
     other: int = 0
+    # number of the lost rows in which each axis has no value; empty if no row is lost
+    lacking: Mapping[str, int] = field(default_factory=dict)
 
 
 def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
@@ -64,15 +66,15 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
         sifted = sift({k: column for k, column in rows.items() if k != CUT}, columns, axes)
         assert sifted.cut is None, "rows with time stamps are not marked"
         return replace(sifted, cut=np.append(marked, False))
-    missing = [is_missing(rows[columns[axis]]) for axis in axes]
+    missing = {axis: is_missing(rows[columns[axis]]) for axis in axes}
     unstamped = is_missing(rows[columns["time"]]) if "time" in columns else None
-    if unstamped is None and not any(mask is not None for mask in missing):
+    if unstamped is None and not any(mask is not None for mask in missing.values()):
         return Sifted(rows)
     size = next(iter(rows.values())).size
-    each = [np.zeros(size, dtype=bool) if mask is None else mask for mask in missing]
-    lost, empty = np.any(each, axis=0), np.all(each, axis=0)
+    each = {axis: np.zeros(size, dtype=bool) if mask is None else mask for axis, mask in missing.items()}
+    lost, empty = np.any(list(each.values()), axis=0), np.all(list(each.values()), axis=0)
     if "time" not in columns:
-        return Sifted(rows, lost)
+        return Sifted(rows, lost, lacking={axis: int(np.count_nonzero(mask)) for axis, mask in each.items()})
     away = np.zeros(size, dtype=bool) if unstamped is None else unstamped
     out = away | empty
     stays = ~out
@@ -85,7 +87,28 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     return Sifted(
         remaining, lost if lost.any() else None, cut=cut, unplaced=int(np.count_nonzero(away)),
         other=int(np.count_nonzero(out & ~away)),
+        lacking={axis: int(np.count_nonzero(mask[stays])) for axis, mask in each.items()} if lost.any() else {},
     )  # fmt: skip
+
+
+def values_of_axes(chunks: Iterable[Rows], columns: Mapping[str, int], axes: Sequence[str]) -> dict[str, int]:
+    """Return the number of rows in which each axis has a value."""
+    counts = dict.fromkeys(axes, 0)
+    for rows in chunks:
+        for axis in axes:
+            missing = is_missing(rows[columns[axis]])
+            counts[axis] += rows[columns[axis]].size - (0 if missing is None else int(np.count_nonzero(missing)))
+    return counts
+
+
+def sparse_axes(counts: Mapping[str, int]) -> list[str]:
+    """Return the axes with so many values less than another axis that they would cost it too many samples.
+
+    >>> sparse_axes({"gyro_x": 1000, "gyro_y": 990, "gyro_z": 500})
+    ['gyro_z']
+    """
+    # At three quarters, an axis that ends at half of the recording is left out, and one with scattered gaps is not.
+    return [axis for axis, count in counts.items() if count < 0.75 * max(counts.values())]
 
 
 def dead_axes(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> dict[str, float]:
@@ -110,10 +133,17 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
     return floats
 
 
-def about_lost(base: TimeBase, impossible: int) -> Iterator[Remark]:
-    """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values."""
+def about_lost(base: TimeBase, impossible: int, lacking: Mapping[str, int]) -> Iterator[Remark]:
+    """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values;
+    `lacking` is the number of the others in which each axis has no value."""
     if base.lost > impossible:
-        yield Remark.of("samples-lost", case="lost", count=base.lost - impossible)
+        count = base.lost - impossible
+        axes = tuple(axis for axis, rows in lacking.items() if 2 * rows > count)
+        if axes and len(axes) < len(lacking):
+            without = ",".join(f"{axis}:none" for axis in axes)
+            yield Remark.of("samples-lost", case="axes", count=count, axes=axes, without=without)
+        else:
+            yield Remark.of("samples-lost", case="lost", count=count)
     if impossible:
         yield Remark.of("samples-lost", case="impossible", count=impossible, limit=IMPOSSIBLE)
 

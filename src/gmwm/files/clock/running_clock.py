@@ -147,7 +147,8 @@ class RunningClock:
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
-        return self._settle(max(self._stop, self.rows - self.pace.behind))
+        stop = self.rows - self.pace.behind
+        return self._settle(stop) if stop > self._stop else KnownSegments(self._stop, (), ())
 
     def end(self) -> KnownSegments:
         """Return the segments of the last rows, at the end of the stream."""

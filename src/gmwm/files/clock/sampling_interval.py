@@ -180,7 +180,7 @@ def _one_line(ticks: Vector, resolution: float) -> float | None:
         a, b = high - ratio * (high - low), low + ratio * (high - low)
         low, high = (low, b) if np.ptp(away - a * k) < np.ptp(away - b * k) else (a, high)
     middle = (low + high) / 2
-    return slope + middle if np.ptp(away - middle * k) <= 1.01 * resolution else None
+    return slope + float(middle) if np.ptp(away - middle * k) <= 1.01 * resolution else None
 
 
 def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:

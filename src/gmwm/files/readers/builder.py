@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -35,6 +35,7 @@ class RowSummary:
     parted: bool  # whether there is a gap before the first sample
     lost: int = 0  # number of lost samples
     impossible: int = 0  # number of the lost samples with values that no sensor can measure
+    lacking: Mapping[str, int] = field(default_factory=dict)  # number of the other lost samples without each axis
     # for each gap, the number of the first sample after it, and its length (s)
     gaps: tuple[tuple[int, float], ...] = ()
     live: TimeBase | None = None  # the time base of a live stream
@@ -47,7 +48,7 @@ class RowSummary:
         moved = tuple((sample + shift, seconds) for sample, seconds in later.gaps)
         return replace(
             self, stop=later.stop + shift, gaps=self.gaps + moved, lost=self.lost + later.lost,
-            impossible=self.impossible + later.impossible,
+            impossible=self.impossible + later.impossible, lacking=_sum(self.lacking, later.lacking),
         )  # fmt: skip
 
     def time_base(self, found: Interpretation) -> TimeBase:
@@ -56,7 +57,7 @@ class RowSummary:
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
         """Return the remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
-        return (*self.about, *about_lost(self.time_base(found), self.impossible))
+        return (*self.about, *about_lost(self.time_base(found), self.impossible, self.lacking))
 
 
 class SampleBuilder:
@@ -82,7 +83,7 @@ class SampleBuilder:
         self._start: float | None = None
         # For each break between segments, the rows before and after it, and the number of the sample after it.
         self._breaks, self._count = list[tuple[int, int, int]](), 0
-        self._impossible = 0
+        self._impossible, self._lacking = 0, dict[str, int]()
         self._cuts = {first} if lost_before else set[int]()  # rows after a row without a time stamp
 
     def add(self, rows: Rows) -> Iterator[Samples]:
@@ -90,6 +91,7 @@ class SampleBuilder:
         interpretation, columns = self._found, self._found.choice.columns
         sifted = sift(rows, columns, interpretation.choice.axes)
         self._count += sifted.unplaced
+        self._lacking = _sum(self._lacking, sifted.lacking)
         # Rows that were appended to the file after its time stamps were read are ignored.
         remaining = None if self._live else self._known.remaining()
         rows = {k: column[:remaining] for k, column in sifted.rows.items()}
@@ -135,7 +137,7 @@ class SampleBuilder:
         return RowSummary(
             self._first, self._next, start=self._begun[1] if self._start is None else self._start, parted=self._parted,
             gaps=gaps_of([pair for pair, _ in gaps], [k for _, k in gaps], stamped=stamped, rate=self._found.rate),
-            lost=self._count, impossible=self._impossible, live=live,
+            lost=self._count, impossible=self._impossible, lacking=self._lacking, live=live,
             about=() if self._live is None else tuple(self._live.remarks()),
         )  # fmt: skip
 
@@ -210,6 +212,10 @@ class _RowNumbers:
     def at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the row numbers at some positions."""
         return places + self.first if self.listed is None else self.listed[places]
+
+
+def _sum(before: Mapping[str, int], after: Mapping[str, int]) -> dict[str, int]:
+    return {axis: before.get(axis, 0) + after.get(axis, 0) for axis in {**before, **after}}
 
 
 def _append(before: NDArray[Any], after: NDArray[Any]) -> NDArray[Any]:

@@ -18,7 +18,15 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.base.units import SI_UNIT
 from gmwm.files.clock.clock import clock_of
-from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift
+from gmwm.files.clock.lost_samples import (
+    Sifted,
+    as_floats,
+    dead_axes,
+    is_missing,
+    sift,
+    sparse_axes,
+    values_of_axes,
+)
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, timing_without_stamps
@@ -89,6 +97,9 @@ def understand(
     if not axes:
         axis, (value, size) = next(iter(constants.items()))
         raise constant(words[axis], axis, value, size)
+    sparse = {} if source is None else _sparse(rows, choice, axes, source)
+    if sparse:
+        return _without(sparse, layout, choice, rows, path=path, options=options, source=source)
     sifted = sift(rows, choice.columns, axes)
     count = next(iter(sifted.rows.values())).size
     remaining = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
@@ -102,6 +113,8 @@ def understand(
         column = TimeColumn(source, choice, axes)
         column.alone = sifted.lost is None and sifted.cut is None and not sifted.other
         time, about_time = column.of(clock)
+        if sparse := _apart(column.values):
+            return _without(sparse, layout, choice, rows, path=path, options=options, source=source)
     elif stamped:
         stamps = sifted.rows[choice.columns["time"]]
         time, about_time = clock([stamps])
@@ -111,7 +124,7 @@ def understand(
         time, about_time = clock(None)
     rate, integrals = time.base.rate, options.integrals
     ones = {axis: np.ones(1) for axis in choice.axes}
-    counts = _first_samples(rows, choice, axes)
+    counts = _first_samples(rows, choice, axes, source)
     offset = [
         s for s in SI_UNIT if (members := [a for a in axes if axis_quantity(a) == s]) and offset_counts(members, counts)
     ]
@@ -139,6 +152,37 @@ def understand(
     )  # fmt: skip
 
 
+def _sparse(rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSource) -> dict[str, tuple[int, int]]:
+    """Return the axes that lack many values that other axes have, with the number of their values and of those of the
+    other axes. If the first rows have all values, `TimeColumn` finds such axes."""
+    counts = values_of_axes([rows], choice.columns, axes)
+    size = next(iter(rows.values())).size
+    if size >= HEAD_ROWS and ("time" not in choice.columns or min(counts.values()) < size):
+        counts = values_of_axes(source.chunks([choice.columns[axis] for axis in axes]), choice.columns, axes)
+    return _apart(counts)
+
+
+def _apart(counts: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+    return {axis: (counts[axis], max(counts.values())) for axis in sparse_axes(counts)}
+
+
+def _without(
+    sparse: Mapping[str, tuple[int, int]], layout: Layout, choice: ColumnChoice, rows: Rows, *, path: Path,
+    options: ReadOptions, source: RowSource | None,
+) -> Interpretation:  # fmt: skip
+    """Interpret the columns without some axes, and say so in remarks."""
+    others = choice.only([axis for axis in choice.axes if axis not in sparse])
+    found = understand(layout, others, rows, path=path, options=options, source=source)
+    columns = ",".join(
+        f"{axis}:{layout.channels[choice.columns[axis]].name or choice.columns[axis]}" for axis in sparse
+    )
+    remarks = [
+        Remark.of("axis-dead", axis, kind="sparse", value=float(count), rows=most, columns=columns)
+        for axis, (count, most) in sparse.items()
+    ]
+    return replace(found, remarks=(*of_file(remarks, path), *found.remarks))
+
+
 def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> ColumnChoice:
     """Return the columns to read; time stamps only if segments or a temperature depend on them."""
     columns = dict(choice.columns)
@@ -150,11 +194,26 @@ def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *
     return ColumnChoice(columns, choice.remarks)
 
 
-def _first_samples(rows: Rows, choice: ColumnChoice, axes: Sequence[str]) -> dict[str, Vector]:
-    """Return the values of each axis in the first rows, without rows that lack one of `axes`."""
-    head = sift({k: column[:HEAD_ROWS] for k, column in rows.items()}, choice.columns, axes)
-    usable = slice(None) if head.lost is None else ~head.lost
-    return {axis: as_floats(head.rows[choice.columns[axis]])[usable] for axis in choice.axes}
+def _first_samples(
+    rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSource | None
+) -> dict[str, Vector]:
+    """Return the values of each axis in the first rows, without rows that lack one of `axes`; if these are all of the
+    first rows, the values of the first 4096 rows after them."""
+    first = _complete({k: column[:HEAD_ROWS] for k, column in rows.items()}, choice, axes)
+    if source is None or next(iter(first.values())).size:
+        return first
+    parts: list[dict[str, Vector]] = []
+    for chunk in source.chunks(list(choice.columns.values())):
+        parts.append(_complete(chunk, choice, axes))
+        if sum(part[axes[0]].size for part in parts) >= 4096:
+            break
+    return {axis: np.concatenate([part[axis] for part in parts])[:4096] for axis in choice.axes}
+
+
+def _complete(rows: Rows, choice: ColumnChoice, axes: Sequence[str]) -> dict[str, Vector]:
+    sifted = sift(rows, choice.columns, axes)
+    usable = slice(None) if sifted.lost is None else ~sifted.lost
+    return {axis: as_floats(sifted.rows[choice.columns[axis]])[usable] for axis in choice.axes}
 
 
 def _dead(rows: Rows, choice: ColumnChoice, source: RowSource) -> dict[str, tuple[float, int]]:
@@ -206,12 +265,13 @@ def _timing(
 
 
 class TimeColumn:
-    """The time stamps of all rows that the clock counts, in chunks. If the first rows have all values, only the time
-    column is read, because gmwm assumes that no row lacks all values."""
+    """The time stamps of all rows that the clock counts, in chunks, and the number of values of each axis in them. If
+    the first rows have all values, gmwm assumes that no row lacks all values."""
 
     def __init__(self, source: RowSource, choice: ColumnChoice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
         self.alone, self.rows, self.other, self.unplaced = True, 0, 0, 0
+        self.values = dict.fromkeys(axes, 0)
 
     @property
     def sparse(self) -> bool:
@@ -220,7 +280,10 @@ class TimeColumn:
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         time = self._columns["time"]
-        for rows in self._source.chunks([time] if self.alone else list(self._columns.values())):
+        self.values = dict.fromkeys(self._axes, 0)
+        for rows in self._source.chunks(list(self._columns.values())):
+            counts = values_of_axes([rows], self._columns, self._axes)
+            self.values = {axis: self.values[axis] + count for axis, count in counts.items()}
             if self.alone:
                 if is_missing(rows[time]) is not None:
                     raise _UnplacedRowsError

@@ -21,7 +21,7 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
-from gmwm.fitting.estimation.moving_condition import Bins
+from gmwm.fitting.estimation.moving_condition import ConditionBins
 from gmwm.fitting.estimation.problem import Problem, by_kind, divide_shaped, unit_shape, weigh
 from gmwm.fitting.estimation.reweighting import implied_weights
 from gmwm.fitting.estimation.solver import Solution, resume, solve
@@ -264,7 +264,7 @@ def _blocks(parts: Iterable[Matrix]) -> Matrix:
 
 def fit_conditions(
     model: Model, curves: Mapping[float, WaveletVariance], varies: Mapping[str, str], *, weighting: str = "diagonal",
-    certify: bool = True, bins: Bins | None = None,
+    certify: bool = True, bins: ConditionBins | None = None,
 ) -> ConditionsFit:  # fmt: skip
     """Fit a model to the wavelet variances of recordings at known conditions, or of the `bins` of one recording; see
     `gmwm.fit`."""

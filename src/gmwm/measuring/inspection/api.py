@@ -248,7 +248,7 @@ class RecordingStatistics:
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
-            *(remark for remark in self._remarks if remark.code not in findings.OF_STAMPS),
+            *(remark for remark in self._remarks if not findings.is_made_again(remark)),
         )  # fmt: skip
         segments = len(extent.segments)
         return Inspection(

@@ -28,8 +28,11 @@ MOVED = 1.0
 
 _NOISY = 0.1
 """Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
-OF_STAMPS = ("stamps-irregular",)
-"""Remarks of a reader on the time stamps. `of_time` makes them again."""
+
+
+def is_made_again(remark: Remark) -> bool:
+    """Return whether `of_time` makes a remark of a reader on the time stamps again."""
+    return remark.code == "stamps-irregular" and remark.facts["case"] != "drift"
 
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
@@ -43,8 +46,6 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
     if count:
         yield Remark.of("gaps-filled", case="filled", share=filled / (extent.samples + filled), count=count)
-    if base.lost:
-        yield Remark.of("samples-lost", case="lost", count=base.lost)
     if base.duplicates:
         # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
         many = base.duplicates > 1e-3 * extent.samples

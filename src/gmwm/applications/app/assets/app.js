@@ -20,7 +20,7 @@
     event.preventDefault();
   });
 
-  // A dropped file of any size is copied to a temporary folder of the server.
+  // A dropped file is copied to a temporary folder of the server.
   const hint = (text) => { document.querySelector("#drop .hint").textContent = text; };
   document.addEventListener("dragover", (event) => event.preventDefault());
   document.addEventListener("drop", async (event) => {
@@ -29,7 +29,7 @@
     if (!file) return;
     hint(`Copying ${file.name} …`);
     const answer = await fetch(`dropped?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
-    hint(answer.ok ? "or drop a file here" : `${file.name} could not be copied`);
+    hint(answer.ok ? "or drop a file here" : `${file.name}: ${await answer.text()}`);
     if (answer.ok) set("dropped", { data: (await answer.json()).path });
   });
 

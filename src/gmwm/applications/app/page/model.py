@@ -136,7 +136,7 @@ def _apply_slider(session: Session, axis: str, fit: Fit, relayout: dict[str, Any
     """Return the session after the handle of a term was dragged, with the term held at the new position."""
     for k, term in enumerate(movable(fit)):
         x, y = (relayout.get(f"shapes[{k}].{name}") for name in ("xanchor", "yanchor"))
-        if x is not None and y is not None:
+        if isinstance(x, int | float) and isinstance(y, int | float) and 1e-30 < min(x, y) <= max(x, y) < 1e30:
             process = axis_at(fit, term, (float(x), float(y)), session)
             return session.with_model(axis, replacing(fit, term, process))
     return session
@@ -204,7 +204,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
             html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
-            html.P("Drag a coloured handle to hold its term there.", className="hint"),
+            html.P("Drag a coloured handle to fix its term there.", className="hint"),
             graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),

@@ -118,7 +118,7 @@ def register(app: Dash, desk: Desk) -> None:
             level = float(confidence)
         except (TypeError, ValueError, OverflowError):
             raise OptionError(argument="confidence", expected="a number", got=confidence) from None
-        return session.with_(robust=ROBUST[robust], confidence=level)
+        return session.with_(robust=ROBUST.get(robust, session.robust), confidence=level)
 
     changes(
         app, desk, [Input("robust", "value"), Input("confidence", "value")], settings, errors=("confidence",)

@@ -141,7 +141,7 @@ def _opening(app: Dash, desk: Desk) -> None:
         try:
             file = desk.folders.file(text)
             if text.endswith(".json"):
-                session = Session.from_text(file.read_text(encoding="utf-8"))
+                session = Session.load(file)
                 desk.folders.file(session.file)
             else:
                 if not text or file.is_dir():
@@ -283,7 +283,7 @@ def _cutting(app: Dash, desk: Desk) -> None:
     )(mark)  # fmt: skip
 
     def change(session: Session, *given: Any) -> Session | None:
-        hit, _, value = triggers()[0]
+        hit, _, value = next(iter(triggers()), (None, "", None))
         if not value:
             return None
         if isinstance(hit, dict):
@@ -303,9 +303,9 @@ def _without(session: Session, span: str) -> Session:
     """Return the session with one cut removed: "keep" for the kept range, or the number of a skipped range."""
     if span == "keep":
         return session.read_as(start=None, stop=None)
-    skips = list(session.reading.get("skip", ()))
-    del skips[int(span)]
-    return session.read_as(skip=skips or None)
+    skips = {str(k): skip for k, skip in enumerate(session.reading.get("skip", ()))}
+    skips.pop(span, None)
+    return session.read_as(skip=list(skips.values()) or None)
 
 
 def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
