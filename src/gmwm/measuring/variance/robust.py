@@ -172,7 +172,8 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
     else:
         start = middle / NORMAL_QUARTILE
     level.start = start**2
-    if not 0 < level.start < math.inf:
+    # Beyond, the limit and the ratios of the criterion lose their digits or overflow, and the MAD is used.
+    if not 1e-280 < level.start < 1e280:
         return
     criterion = _on_sample(level, sample, tuning)
     tolerance = LOG_TOLERANCE / 10 if complete else 1e-3
