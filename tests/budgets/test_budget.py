@@ -241,7 +241,7 @@ def test_an_upper_limit_is_stated_everywhere_in_the_same_way(fits):
     assert growth.split()[2:4] == text.split()
     assert limited.summary().count(text) == 3
     assert limit.to_dict()["upper_only"][-1]
-    frame = limited.to_frame()
+    frame = limited.to_polars()
     assert (frame["upper_only"] == (frame["error"] == "tilt_x")).all()
     assert not any(found["tilt_x"].to_dict()["upper_only"])
 
