@@ -49,11 +49,12 @@ def filter_numbers(
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio`). The left side of the second
-    condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The code
-    uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms for
-    every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best filter
-    is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is unknown.
+    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio`). The left side of the
+    second condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The
+    code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms
+    for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best
+    filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
+    unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
