@@ -96,6 +96,19 @@ ARMA = {
 }
 """Orders p, q, P, Q and the period of those that laws are tested on."""
 
+
+def oscillator(frequency: mp.mpf, quality: mp.mpf, rate: mp.mpf, level: int) -> mp.mpf:
+    """Damped oscillator: the real part of a sum over a complex exponential, with far more digits than cancel."""
+    with mp.workdps(6 * DIGITS):
+        natural, half = 2 * mp.pi * frequency / rate, mp.mpf(2) ** (level - 1)
+        damping = natural / (2 * quality)
+        turn = mp.sqrt(natural**2 - damping**2)
+        decay = mp.mpc(damping, -turn)
+        z, end = mp.exp(-decay), mp.exp(-decay * half)
+        total = 2 * half * (1 + z) / (1 - z) - 2 * z * (1 - end) * (3 - end) / (1 - z) ** 2
+        return mp.re((1 - 1j * damping / turn) * total) / (4 * half**2)
+
+
 SHAPES: dict[str, Callable[[list[mp.mpf], mp.mpf, int], mp.mpf]] = {
     "WN": lambda theta, rate, level: white(level),
     "QN": lambda theta, rate, level: quantization(level),
@@ -103,6 +116,7 @@ SHAPES: dict[str, Callable[[list[mp.mpf], mp.mpf, int], mp.mpf]] = {
     "DR": lambda theta, rate, level: drift(level),
     "AR1": lambda theta, rate, level: autoregression(theta[0], level),
     "GM": lambda theta, rate, level: gauss_markov(theta[0], rate, level),
+    "OSC": lambda theta, rate, level: oscillator(theta[0], theta[1], rate, level),
     "FN": lambda theta, rate, level: flicker(level),
     "PL": lambda theta, rate, level: power(theta[0] - 1, level),
     "FGN": lambda theta, rate, level: (1 - mp.mpf(2) ** (2 * theta[0] - 2)) * power(2 * theta[0] - 2, level),
