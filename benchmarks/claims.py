@@ -42,14 +42,8 @@ def _readme(words: str, said: float, unit: str, measured: Callable[[Results], fl
     return Claim("README.md", words, said, unit, measured)
 
 
-def _likelihood(words: str, said: float, unit: str, measured: Callable[[Results], float]) -> Claim:
-    return Claim("docs/likelihood.md", words, said, unit, measured)
-
-
 FIT = "fit from a wavelet variance, certified"
-LIKELIHOOD = "log-likelihood of GM+WN+RW, 10^5 samples"
 SIX = "gmwm calibrate, six axes, csv"
-OF_A_MILLION = "of GM+WN, 10^6 samples"
 CHUNKS = "10^7 samples in chunks of 1000000"
 ROBUST = "robust, efficiency 0.6: white noise"
 
@@ -74,13 +68,4 @@ CLAIMS = (
     # --- the shell ---
     _readme("two cores | 4.4 s", 4.4, "s", lambda r: r.child(SIX)["seconds"]),
     _readme("and 340 MB |", 340, "MB", lambda r: r.child(SIX)["peak"] / 1e6),
-    # --- likelihood ---
-    _likelihood("the log-likelihood of GM + WN takes 2.4 times", 2.4, "",
-                lambda r: r.ratio(f"log-likelihood {OF_A_MILLION}", "np.cumsum")),
-    _likelihood("`fit_ml` from a wavelet fit 104 times", 104, "",
-                lambda r: r.ratio(f"maximum likelihood from a wavelet fit {OF_A_MILLION}", "np.cumsum")),
-    _likelihood("34 times the wavelet fit", 34, "",
-                lambda r: r.ratio(f"the same, against the wavelet fit {OF_A_MILLION}", "gmwm.fit")),
-    _likelihood("the filter 36,", 36, "", lambda r: r.ratio(f"filtering {OF_A_MILLION}", "np.cumsum")),
-    _likelihood("the smoother 85", 85, "", lambda r: r.ratio(f"smoothing {OF_A_MILLION}", "np.cumsum")),
 )  # fmt: skip
