@@ -157,7 +157,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     restarted = restarts(residuals[places], after, lost[after - 1], ())
     if not np.any(restarted):
         return iteration
-    return _rounds(means, covariates, present, whole, tuple(places[after[restarted]].tolist()))
+    return _rounds(means, covariates, present, whole, restarted=tuple(places[after[restarted]].tolist()))
 
 
 def _rounds(
@@ -168,7 +168,7 @@ def _rounds(
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
     offsets = covariates.own_offsets
-    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets, restarted)
+    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets=offsets, restarts=restarted)
     # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
     unknown = covariates.unknown_levels
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
@@ -184,7 +184,7 @@ def _rounds(
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
-            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets, restarted)
+            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets=offsets, restarts=restarted)
         weighted = design.under(weights)
         if weighted.condition > COLLINEAR_CONDITION:
             names = ", ".join(column.name for column in covariates.basis.columns)
