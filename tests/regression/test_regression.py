@@ -228,6 +228,19 @@ def test_a_series_with_gaps_has_one_offset_and_the_precision_of_maximum_likeliho
         assert entry.value == pytest.approx(truth, abs=3 * entry.error)
 
 
+def test_a_restart_in_a_gap_gets_an_offset_of_its_own():
+    rng = np.random.default_rng(13)
+    x = rng.normal(size=N) + 0.1 * TEMPERATURE
+    missing = (np.arange(N) >= 6000) & (np.arange(N) < 6400)
+    fits = []
+    for jump in (0.0, 10.0):
+        signal = gmwm.Signal.from_missing(np.where(missing, np.nan, x + jump * (np.arange(N) > 6200)), 100.0)
+        against = {"temperature:exact": TEMPERATURE[~missing]}
+        fits.append(gmwm.fit("WN", signal, against=against, certify=False).regression["temperature"])
+    assert fits[1].error < 3 * fits[0].error
+    assert fits[1].value == pytest.approx(0.1, abs=3 * fits[1].error)
+
+
 def test_every_segment_can_have_an_offset_of_its_own():
     signal, columns, present = series_with_gaps(np.random.default_rng(7), walk=0.0)
     signal = replace(signal, values=signal.values - 5.0 * columns["step:exact"][present])

@@ -126,8 +126,8 @@ def fit(
         Conditions whose effect is removed from the signal before the fit, for example
         ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
         account for what the regression removes from the noise; `fit.regression` has its coefficients. The recording has
-        one offset; with "offsets" (``"time + offsets"``, ``{"trend": t, "offsets": None}``), every part without a gap
-        has its own.
+        one offset, and a new one after a gap in which the sensor restarted. With "offsets" (``"time + offsets"``,
+        ``{"trend": t, "offsets": None}``), every part without a gap has its own.
     varies : mapping of term to str, optional
         Dependence of the variance of a term on the condition, for recordings at known conditions, or for a Signal
         during which the condition in `against`, such as ``{"rate": values}``, moves. It is a sum of known functions

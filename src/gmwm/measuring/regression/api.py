@@ -17,6 +17,7 @@ from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.gaps.restarts import restarts
 from gmwm.recording.signals import Signal
 
 TEMPERATURE_PVALUE = 0.05
@@ -144,12 +145,30 @@ class _Iteration:
 
 
 def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Iteration:
+    """Estimate noise, weights and coefficients. If the residuals jump at a gap, the sensor restarted in it, and the
+    offset after the gap is another one."""
+    iteration = _rounds(means, covariates, present, whole)
+    places = np.flatnonzero(present)
+    lost = np.diff(places) - 1
+    if covariates.own_offsets or not np.any(lost):
+        return iteration
+    residuals = means - covariates.smooth_matrix(iteration.tau) @ iteration.weighted.estimate(means)
+    after = np.flatnonzero(lost) + 1
+    restarted = restarts(residuals[places], after, lost[after - 1], ())
+    if not np.any(restarted):
+        return iteration
+    return _rounds(means, covariates, present, whole, restarted=tuple(places[after[restarted]].tolist()))
+
+
+def _rounds(
+    means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray, restarted: tuple[int, ...] = ()
+) -> _Iteration:
     """Estimate noise, weights and coefficients in turn. The first estimate of the noise includes the effects."""
     warm = any(term.name == WARM_UP for term in covariates.basis.terms)
     times = covariates.clock.times[present]
     tau = (times[-1] - times[0]) / 3 if warm else None
     offsets = covariates.own_offsets
-    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
+    design = RegressionDesign(covariates.matrix(tau), present, whole, offsets=offsets, restarts=restarted)
     # The pass band of level j is centred at the frequency 2^-(j + 1/2), in cycles per block.
     unknown = covariates.unknown_levels
     highest = 0.5 ** (unknown + 1.5) if unknown else 0.5
@@ -165,7 +184,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
         weights = design.weights(noise.psd, highest)
         if warm:
             tau = _time_constant(means, covariates, design, weights)
-            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets)
+            design = RegressionDesign(covariates.matrix(tau), present, whole, offsets=offsets, restarts=restarted)
         weighted = design.under(weights)
         if weighted.condition > COLLINEAR_CONDITION:
             names = ", ".join(column.name for column in covariates.basis.columns)
@@ -191,7 +210,7 @@ def _time_constant(means: Vector, covariates: Covariates, design: RegressionDesi
 
     def gain(tau: float) -> float:
         columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
-        under = RegressionDesign(columns, design.present, design.whole, design.offsets).under(weights)
+        under = replace(design, columns=columns).under(weights)
         beta = under.estimate(means)
         return float(beta @ under.information @ beta)
 

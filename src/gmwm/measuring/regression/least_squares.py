@@ -28,12 +28,14 @@ COLLINEAR_CONDITION = 1e6
 class RegressionDesign:
     """A regression on p columns X (n, p) at n equally spaced times. `present` masks the times with a value; the others
     are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals. With `offsets`,
-    every run without a gap has an offset of its own; otherwise the recording has one."""
+    every run without a gap has an offset of its own; otherwise the recording has one, and another one from each of the
+    indices `restarts` on."""
 
     columns: Matrix
     present: np.ndarray
     whole: np.ndarray
     offsets: bool = False
+    restarts: tuple[int, ...] = ()
 
     @cached_property
     def complete_levels(self) -> int:
@@ -58,7 +60,10 @@ class RegressionDesign:
         if level <= self.complete_levels:
             return np.asarray(_counted(self.present, 2 * half) == 2 * half)
         counts = _counted(self.present, half)
-        return np.asarray((2 * counts[half:] >= half) & (2 * counts[:-half] >= half))
+        mask = np.asarray((2 * counts[half:] >= half) & (2 * counts[:-half] >= half))
+        for restart in self.restarts:
+            mask[max(restart - 2 * half + 1, 0) : restart] = False
+        return mask
 
     @cached_property
     def masks(self) -> list[np.ndarray]:
@@ -103,8 +108,8 @@ class RegressionDesign:
         """Index ranges (first, end) with an offset of their own."""
         if self.offsets:
             return self.runs
-        places = np.flatnonzero(self.present)
-        return [(int(places[0]), int(places[-1]) + 1)]
+        parts = np.split(np.flatnonzero(self.present), np.searchsorted(np.flatnonzero(self.present), self.restarts))
+        return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute the weights 1/S(f) of the cosine transform of each span; zero above `highest`, where columns have too
