@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.measuring.variance.robust import LARGE_SHARE, unrejected
+from gmwm.measuring.variance.robust import LARGE_SHARE, RobustVariances, unrejected
 
 N = 200_000
 Array = NDArray[np.float64]
@@ -26,6 +26,11 @@ def quantized(rng: np.random.Generator, share: float = 0.0, size: float = 0.0) -
 def test_clean_noise_is_not_changed() -> None:
     curves = [gmwm.wavelet_variance(quantized(np.random.default_rng(k)), 100.0, robust=True) for k in range(8)]
     assert sum(curve.excess is not None for curve in curves) <= 1
+    knocked = quantized(np.random.default_rng(9))
+    for start in range(5000, N, 20_000):
+        ring = np.exp(-np.arange(100) / 25) * np.random.default_rng(start).normal(size=100)
+        knocked[start : start + 100] += 200.0 * ring
+    assert gmwm.wavelet_variance(knocked, 100.0, robust=True).excess is None
     tails = np.random.default_rng(1).standard_t(3, size=N)
     assert gmwm.wavelet_variance(tails, 100.0, robust=True).excess is None
 
@@ -67,10 +72,11 @@ def test_shares() -> None:
     outliers = np.array([0.1 * 2.0**-k for k in range(5)])
     robust = clean.copy()
     robust[4] += outliers[4] / 2
-    result = unrejected(robust, clean + outliers, np.full(5, 1e6), 0.6)
+    result = unrejected(RobustVariances(robust, {}, isolated=True), clean + outliers, np.full(5, 1e6), 0.6)
     assert result is not None
     shares, covariance = result
     assert shares[4] == pytest.approx(outliers[4] / 2 / robust[4], rel=0.01)
     assert shares[:4] == [0.0] * 4
     assert covariance[4, 4] == pytest.approx(np.log1p(-shares[4]) ** 2, rel=0.05)
-    assert unrejected(robust, clean, np.full(5, 1e6), 0.6) is None
+    assert unrejected(RobustVariances(robust, {}, isolated=True), clean, np.full(5, 1e6), 0.6) is None
+    assert unrejected(RobustVariances(robust, {}), clean + outliers, np.full(5, 1e6), 0.6) is None

@@ -200,7 +200,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         )  # fmt: skip
         if robust is not None and efficiency is not None:
             freedom = wv.degrees_of_freedom / efficiency
-            if (lost := unrejected(variance, classical, freedom, efficiency)) is not None:
+            if (lost := unrejected(robust, classical, freedom, efficiency)) is not None:
                 diagnostics["robust"]["unrejected"] = lost[0]
                 wv = replace(wv, excess=lost[1])
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
