@@ -50,8 +50,8 @@ recordings and curves are not part of the package.
 
 {recordings}
 
-What a reader would use otherwise: processor times of other programs, measured once {when}, and
-the times of gmwm in this run.
+The processor times of other programs were measured once {when}. The times of
+gmwm are from this run.
 {others_as_ratios}
 
 {others}

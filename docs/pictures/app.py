@@ -46,10 +46,7 @@ def main() -> int:
                 if name == "recording":
                     page.locator("#verdict .facts").wait_for()
                     # The folder of this recording is not the reader's.
-                    page.evaluate(
-                        """() => { document.getElementById('opened').textContent = 'static.csv';
-                                   document.getElementById('path').value = 'static.csv'; }"""
-                    )
+                    page.evaluate("() => { document.getElementById('path').value = 'static.csv'; }")
                 page.wait_for_timeout(500)
                 picture = Path(folder, f"app-{name}.png")
                 page.screenshot(path=picture)

@@ -7,6 +7,7 @@ import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
 from gmwm.recording.repairs.averages import averaged
+from tests.helpers import only
 from validation import faults
 
 RATE = 100.0
@@ -29,10 +30,19 @@ def test_the_noise_behind_a_steep_filter_is_averaged(length):
     x = _cic(length, 120_000)
     (part,) = repaired(_imu(x))
     count = round(RATE / part.rate)
-    assert 0.5 * length <= count <= 2 * length
+    assert 2 * length <= count <= 10 * length
     assert np.allclose(part["gyro_x"].values, x[: len(part) * count].reshape(-1, count).mean(axis=1))
     verdict = gmwm.calibrate(_imu(x)).number_verdicts["gyro_x"]["N"]
     assert verdict.usability.value == "use"
+
+
+def test_a_filter_with_a_memory_of_seconds_is_averaged_to_its_rate():
+    x = _cic(128, 600_000)
+    calibration = gmwm.calibrate(_imu(x))
+    remark = only(calibration.remarks, "fault-undone:filtered")
+    assert 250 <= remark.facts["count"] <= 1000
+    ratio = calibration.datasheets["gyro_x"]["N"].value / (faults.WHITE / RATE**0.5)
+    assert 0.85 < ratio < 1.1
 
 
 def test_a_random_walk_and_one_pole_are_not_averaged():

@@ -52,6 +52,8 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])
     limit = np.where(implied > measured, np.log(wv.upper[usable]), np.log(wv.lower[usable]))
     error = np.abs(limit - measured) / NormalDist().inv_cdf((1 + wv.confidence) / 2)
+    if np.any(lines > 0):  # the power of an oscillation varies more than that of broad noise with the same variance
+        error = np.maximum(error, np.sqrt(np.diag(fit.sandwich.sampling.wavelet)[usable]))
     outside = np.abs(implied - measured) > MISFIT_ERRORS * error
     if not np.any(outside):
         return None

@@ -2,8 +2,9 @@
 
 1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
 ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, three kinds of
-terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. Narrow peaks become damped
-oscillators of known frequency and quality. The shape of the noise at high
+terms are taken from the spectrum. Spectral lines become sinusoids of known frequency. Lines with a width and other
+peaks become damped oscillators of known frequency and quality; if slow processes with them do not fit, wide peaks
+belong to the shape. The shape of the noise at high
 frequencies, which the filter and the resonances of the sensor cause, becomes an ARMA process with known coefficients.
 All are linear in their unknown scales, so the global optimum of every fit can still be proved. Without a spectrum, an
 AR(2) process is fitted to the wavelet variance. 3. The model error is estimated from the largest of these models, and
@@ -19,7 +20,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError, ModelError
 from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
@@ -33,19 +35,26 @@ from gmwm.choosing.selection.shape_error import (
     with_shape_error,
 )
 from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import drawn_covariance
+from gmwm.fitting.estimation.weighting import precision, square_root
+from gmwm.measuring.covariance import Design
 from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.spectrum.resonance import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
+from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.oscillator import CRITICAL, OSC, SHARPEST
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
+from gmwm.theory.processes.walk import RW
 
 BESIDE = "4*GM + FN + RW + DR"
 """General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
@@ -67,9 +76,14 @@ the relative standard error at the first levels is 0.2 % for 10^6 samples (tests
 MOST_FREE = 1
 """Number of the strongest lines whose power is fitted. The power of other lines is fixed at the value from the
 spectrum."""
+MOST_OSCILLATORS = 8
+"""Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape."""
 MEMORY = 2000.0
 """An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
 frequencies."""
+LEFT = 0.1
+"""Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
+for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""
 NARROW = 0.002
 """A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
 the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
@@ -120,7 +134,9 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     ]
     shaped = any(isinstance(term, Lagged) for term in required)
     model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
-    if freedom(model) > len(wv):
+    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
+    fastest = wv.rate / (2 * math.pi * FAST)
+    if freedom(model) > len(wv) or not _can_oscillate(wv, choice.ranking.recommended.fit, required, fastest):
         return None
     try:
         fit = nearly_fitted(model, wv, options.weighting)
@@ -128,8 +144,6 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
         return None
     oscillator = next(process for process in fit.model.processes if process.name == OSC.name and not _is_held(process))
     bound = Distance.of(fit).surely
-    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
-    fastest = wv.rate / (2 * math.pi * FAST)
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
         return None
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
@@ -138,6 +152,43 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     return within_family(
         family, curve, options, required=(*required, held), check=check, entered="oscillation"
     ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
+
+
+def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> bool:
+    """Return whether one oscillator of a grid, up to the frequency `fastest` (Hz), may explain the wavelet variance
+    beside any sum of smooth and required processes. Weights are those of a fit. A fit of an oscillator to a curve
+    without one takes a hundred times longer."""
+    from scipy.special import chdtri
+
+    used = usable_levels(wv)
+    design = Design.of(wv).only(used)
+    try:
+        root = square_root(precision(drawn_covariance(fit.model, design, wv.variance[used])))
+    except GmwmError:
+        return True
+    (branch,) = GM.search(wv.samples, wv.rate)
+    smooth = [(type(process), process.nonlinear[None]) for process in (WN(), QN(), RW(), *required)]
+    smooth.append((GM, branch.values(np.linspace(branch.low, branch.high, 96))))
+    octaves = np.arange(math.log2(wv.rate / wv.samples), math.log2(fastest) + 0.125, 0.125)
+    peaks = np.array([(f, q) for f in np.exp2(octaves) for q in (0.7, 1.0, 1.6, 3.0, 7.0, 20.0, 80.0)])
+    rows, oscillators = (
+        np.concatenate([kind.shape(values, design.levels, wv.rate, design.filter) for kind, values in kinds]) @ root.T
+        for kinds in (smooth, [(OSC, peaks)])
+    )
+    target = root @ wv.variance[used]
+    table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
+    least = _core.nonnegative_least_squares(target, table[:-1])[1]
+    limit = max(chdtri(target.size, REJECTED), LEFT * least)
+    for oscillator in _unit(oscillators):
+        table[-1] = oscillator
+        if _core.nonnegative_least_squares(target, table)[1] <= limit:
+            return True
+    return False
+
+
+def _unit(rows: Matrix) -> Matrix:
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows / np.where(length > 0, length, 1.0)
 
 
 def _is_held(process: Process) -> bool:
@@ -164,18 +215,25 @@ def _from_spectrum(
             shown = _required_terms(general, wv, spectrum, (), options=options, check=check)
             return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
-    lines = () if spectrum is None else _peaks(spectrum, wv)
-    steps = [slow]
-    if lines:
-        with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
-        wv = with_oscillator_error(wv, with_lines, lines)
+    steps, lines, curve, beside = [slow], tuple[Process, ...](), wv, general
+    for bumps in () if spectrum is None else _sets_of_bumps(spectrum):
+        assert spectrum is not None
+        lines, curve, beside = _peaks(spectrum, wv, bumps), wv, general
+        if not lines:
+            continue
+        largest = _largest(SLOW, wv, lines)
+        with_lines = nearly_fitted(largest, wv, options.weighting)
+        curve = with_oscillator_error(wv, with_lines, lines)
+        if curve is not wv:  # the flanks of oscillators do not belong to the shape at high frequencies
+            beside = with_lines = nearly_fitted(largest, curve, options.weighting)
         bound = Distance.of(with_lines).surely
         if bound >= REJECTED:
-            choice = within_family(SLOW, wv, options, required=lines, check=check, entered="lines")
+            choice = within_family(SLOW, curve, options, required=lines, check=check, entered="lines")
             return replace(choice, tried=(SLOW, *choice.tried)).after(*steps)
-        family = with_lines.model.structure
-        steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
-    shown = _required_terms(general, wv, spectrum, lines, options=options, check=check)
+        steps.append(SearchStep(family=largest.structure, entered="lines", bound=bound, left="all-rejected"))
+        check()
+    wv = curve
+    shown = _required_terms(beside, wv, spectrum, lines, options=options, check=check)
     if not shown.terms:
         return within_family(SLOW, wv, options, check=check, entered="nothing-shown").after(*steps)
     # A shape that was fitted to the wavelet variance does not include white and quantization noise.
@@ -189,7 +247,7 @@ def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: Rank
     try:
         general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     except ModelError:
-        lines = () if spectrum is None else _peaks(spectrum, wv)
+        lines = () if spectrum is None else _peaks(spectrum, wv, _narrow_bumps(spectrum))
         if not lines:
             raise
         return nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting), 0.0
@@ -255,8 +313,12 @@ def within_family(
 ) -> ModelChoice:  # fmt: skip
     """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
     largest = _largest(family, wv, required)
-    bound, error = _bound_and_error(largest, wv, options.weighting)
+    bound, error, general = _bound_and_error(largest, wv, options.weighting)
     check()
+    # If the largest model has a line without power, the others need not be ranked with it.
+    supported = _supported_terms(required, general)
+    if len(supported) < len(required):
+        return within_family(family, wv, options, required=supported, check=check, entered=entered)
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
     supported = _supported_terms(required, ranking.recommended.fit)
     step = SearchStep(family=largest.structure, entered=entered, bound=bound, model_error=error, left="lines-absent")
@@ -271,7 +333,7 @@ def within_family(
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
     """Return the result for a single given model, with its model error."""
-    bound, error = _bound_and_error(without_values(model), wv, options.weighting)
+    bound, error, _ = _bound_and_error(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
     step = SearchStep(family=model.structure, entered="model", bound=bound, model_error=error, left="last")
     return _only_choice(ranking, wv, _with_result(step, ranking), tried=())
@@ -288,16 +350,16 @@ def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tri
 
 def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
     """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
-    _, error = _bound_and_error(without_values(model), wv, weighting)
+    _, error, _ = _bound_and_error(without_values(model), wv, weighting)
     near = nearly_fitted(model, having_error(wv, error), weighting)
     return having_error(with_sampling_error(wv, near), error)
 
 
-def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float]:
-    """Return the upper bound of the p-value of a model, and its relative model error, 0 if accepted."""
+def _bound_and_error(model: Model, wv: WaveletVariance, weighting: str) -> tuple[float, float, Fit]:
+    """Return the upper bound of the p-value of a model, its relative model error, 0 if accepted, and its fit."""
     general = nearly_fitted(model, wv, weighting)
     bound = Distance.of(general).surely
-    return bound, model_error(general) if bound < REJECTED else 0.0
+    return bound, model_error(general) if bound < REJECTED else 0.0, general
 
 
 def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
@@ -359,6 +421,13 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     return process.with_values(**held, **{process.scale_parameter().name: None})
 
 
+def _sets_of_bumps(spectrum: PowerSpectrum) -> list[list[Bump]]:
+    """Return the bumps that become oscillators, in turn: all, and those that are too narrow for an ARMA process."""
+    every = [bump for bump in spectrum.bumps if CRITICAL < bump.quality < SHARPEST]
+    narrow = _narrow_bumps(spectrum)
+    return [every, narrow] if len(every) > len(narrow) else [narrow]
+
+
 def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
     """Return the bumps that are too narrow for an ARMA process."""
     return [
@@ -366,30 +435,42 @@ def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
     ]
 
 
-def _peaks(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
-    """Return sinusoids for the lines and oscillators for the narrow bumps that are large enough at some level, the
-    strongest first. Their frequency and quality are fixed, and so is the power of all but the strongest of each kind.
+def _peaks(
+    spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump], *, flanks: bool = True
+) -> tuple[Process, ...]:
+    """Return sinusoids for the lines and oscillators for these bumps that are large enough at some level, the strongest
+    first. A line with a width is an oscillator. Their frequency and quality are fixed, and so is the power of all but
+    the strongest of each kind.
     """
-    lines = [SIN(frequency=Fixed(line.frequency), power=Fixed(line.amplitude**2 / 2)) for line in spectrum.lines]
-    oscillators = [
-        # The power is the integral of a Lorentz peak above the surrounding density.
-        OSC(
-            frequency=Fixed(bump.frequency), quality=Fixed(bump.quality),
-            sigma2=Fixed(math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width),
-        )
-        for bump in _narrow_bumps(spectrum)
-    ]  # fmt: skip
-    return (*_strongest(lines, wv), *_strongest(oscillators, wv))
-
-
-def _strongest(processes: Sequence[Process], wv: WaveletVariance) -> Iterator[Process]:
-    """Yield the processes that are large enough at some level, the strongest first, with free power for the first."""
+    peaks: list[Line | Bump] = [*spectrum.lines, *bumps]
     below = np.where(wv.variance > 0, wv.variance, np.inf)
-    shares = [float((p.wavelet_variance(wv.levels, wv.rate, wv.filter) / below).max()) for p in processes]
-    order = [k for k in np.argsort(shares)[::-1].tolist() if shares[k] >= FELT]
-    for place, k in enumerate(order):
-        scale = processes[k].scale_parameter().name
-        yield processes[k].with_values(**{scale: None}) if place < MOST_FREE else processes[k]
+    sinusoids, oscillators = list[tuple[float, Process]](), list[tuple[float, Process]]()
+    for peak in peaks:
+        process = _of_peak(peak)
+        share = float((process.wavelet_variance(wv.levels, wv.rate, wv.filter) / below).max())
+        if share < FELT:
+            continue
+        others = [other for other in peaks if other is not peak]
+        resonance = resonance_of(spectrum, peak, others)
+        if resonance is not None and CRITICAL < resonance.quality < SHARPEST:
+            process = OSC(*map(Fixed, resonance))
+        (oscillators if isinstance(process, OSC) else sinusoids).append((share, process))
+    return (*_strongest(sinusoids), *list(_strongest(oscillators))[:MOST_OSCILLATORS])
+
+
+def _of_peak(peak: Line | Bump) -> Process:
+    """Return a sinusoid for a line, and an oscillator for a bump."""
+    if isinstance(peak, Line):
+        return SIN(frequency=Fixed(peak.frequency), power=Fixed(peak.amplitude**2 / 2))
+    # The power is the integral of a Lorentz peak above the surrounding density.
+    power = math.pi / 2 * peak.density * (1 - 1 / peak.height) * peak.width
+    return OSC(frequency=Fixed(peak.frequency), quality=Fixed(peak.quality), sigma2=Fixed(power))
+
+
+def _strongest(processes: list[tuple[float, Process]]) -> Iterator[Process]:
+    """Yield the processes, the one with the largest share first, with free power for the first."""
+    for place, (_, process) in enumerate(sorted(processes, key=lambda item: -item[0])):
+        yield process.with_values(**{process.scale_parameter().name: None}) if place < MOST_FREE else process
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> SpectralShape | None:

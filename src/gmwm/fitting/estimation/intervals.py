@@ -185,7 +185,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
-        name: about(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
+        name: about(parameters[name], value, z * abs(value) * math.sqrt(square) if square >= 0 else math.inf)
         for name, value, square in zip(errors.names, errors.values.tolist(), np.diag(errors.relative), strict=True)
     }
 

@@ -29,7 +29,7 @@ SHORTEST = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Bins:
+class ConditionBins:
     """Curves of a recording whose condition moves. `conditions` holds the conditions of the samples of each bin, and
     `whole` the curve of the whole recording at all levels, of which those above the bins are used."""
 
@@ -68,7 +68,7 @@ def condition_of(signal: Signal, condition: Against) -> tuple[CovariateTerm, Cov
     return term, covariates, arrays[term.name] if term.exact else smooth
 
 
-def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: float) -> tuple[str, Bins]:
+def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: float) -> tuple[str, ConditionBins]:
     """Remove the effect of a condition on the mean, and measure the curves of its bins. Raises DataError if the
     condition is constant, or leaves its bins within 16 samples."""
     term, covariates, values = condition_of(signal, condition)
@@ -93,7 +93,7 @@ def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: floa
             f"{term.name} changes too quickly: it leaves each of {BINS} bins within a few samples", argument="against",
             advice="Record slower changes, or recordings at constant conditions.",
         )  # fmt: skip
-    return term.name, Bins(tuple(wv.first(levels) for wv in curves), tuple(conditions), whole)
+    return term.name, ConditionBins(tuple(wv.first(levels) for wv in curves), tuple(conditions), whole)
 
 
 def _runs(signal: Signal, values: Vector) -> list[list[tuple[int, int]]]:

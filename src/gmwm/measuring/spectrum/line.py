@@ -114,6 +114,8 @@ def measured_line(
     sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a density."""
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
+    if excess.sum() <= 0:  # the nulls of a filter beside the peak are deeper than the peak is high
+        excess = np.maximum(excess, 0.0)
     place = np.arange(first, last + 1, dtype=np.float64)
     total = float(excess.sum())
     middle = float(np.clip(place @ excess / total, first, last))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,16 +24,21 @@ _EMPTY = 1e-4
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
 _PASSES = 0.5
 """Density, relative to the slow one, at the frequency up to which the noise passes the filter."""
-_OF_RATE = 0.6
-"""Rate after averaging, in units of twice this frequency. The filter is then hardly visible."""
-_LARGEST = 64
-"""Largest number of samples that are averaged."""
+_OF_RATE = 3.0
+"""Twice this frequency after averaging, in units of the rate. The filter is then hardly visible, and its memory is
+shorter than the horizon of N."""
+_SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
+"""Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
+between, because a random walk has 36; and number of samples that are averaged to look there."""
+_FEWEST = 256
+"""Smallest number of means."""
 
 
 def averaged_samples(batch: Batch) -> dict[str, int]:
     """Return for each axis the number of samples to average so that the noise is not far below the rate; 1 for an axis
     that has not passed a steep filter."""
-    return {axis: _of_axis(signal) for axis, signal in batch.signals.items()}
+    most = max(len(batch) // _FEWEST, 1)
+    return {axis: min(_of_axis(list(signal.segment_values())), most) for axis, signal in batch.signals.items()}
 
 
 def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:
@@ -144,19 +149,26 @@ def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...
     return tuple(Remark.of("fault-undone", axis, case="filtered", **facts) for axis in axes)
 
 
-def _of_axis(signal: Signal) -> int:
-    pieces = [x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in signal.segment_values()]
-    blocks = np.concatenate(pieces)
+def _of_axis(pieces: Sequence[Vector]) -> int:
+    """Return the number of samples to average, from the samples of each segment."""
+    blocks = np.concatenate([x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in pieces])
     if not blocks.size:
         return 1
     blocks = blocks[:: max(len(blocks) // _MOST, 1)]
     window = np.hanning(_LENGTH)
     density = np.mean(np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
     frequency = np.arange(density.size) / _LENGTH
-    fast, slow = (float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW))
+    fast, slow, slower = (
+        float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW, _SLOWER)
+    )
+    if slower > _FALLS * slow > 0:
+        # The noise ends at a lower frequency, which shorter means show.
+        means = [x[: x.size - x.size % _SHORT].reshape(-1, _SHORT).mean(axis=1) for x in pieces]
+        length = _of_axis(means)
+        return _SHORT * length if length > 1 else 1
     if not 0 < fast < _EMPTY * slow:
         return 1
     # The highest frequency up to which most of the noise passes, from densities smoothed over 8 frequencies.
     smooth = density[: density.size // 8 * 8].reshape(-1, 8).mean(axis=1)
-    passes = (np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
-    return int(np.clip(round(_OF_RATE / (2 * passes)), 1, _LARGEST))
+    passes = float(np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
+    return max(round(_OF_RATE / (2 * passes)), 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from pathlib import Path
 from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
@@ -133,7 +134,8 @@ def register(app: Dash, desk: Desk) -> None:
     )(stop)  # fmt: skip
 
     def file_shown(data: dict[str, Any]) -> str:
-        return desk.session(data).file or "No recording is open"
+        file = desk.session(data).file
+        return Path(file).name if file else "No recording is open"
 
     app.callback(Output("opened", "children"), Input("session", "data"))(file_shown)
     changes(app, desk, [Input("units", "value")], lambda session, units: session.with_(units=units), errors=("file",))

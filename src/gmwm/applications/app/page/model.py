@@ -204,7 +204,7 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
         return [
             html.H2(f"{axis_title(axis)}: {chosen}"),
             html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
-            html.P("Drag a coloured handle to hold its term there.", className="hint"),
+            html.P("Drag a coloured handle to fix its term there.", className="hint"),
             graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),

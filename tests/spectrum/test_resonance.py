@@ -1,0 +1,35 @@
+"""Peaks of a spectrum that are damped oscillators, and lines that are not."""
+
+import numpy as np
+import pytest
+
+from gmwm import WN, psd
+from gmwm.measuring.spectrum.resonance import resonance_of
+from gmwm.theory.processes.oscillator import OSC
+
+RATE, SAMPLES = 100.0, 360_000
+
+
+def _resonances(x):
+    spectrum = psd(x, rate=RATE)
+    peaks = [*spectrum.lines, *spectrum.bumps]
+    return [resonance_of(spectrum, peak, [other for other in peaks if other is not peak]) for peak in peaks]
+
+
+@pytest.mark.parametrize("frequency", [0.5, 8.0, 30.0])
+@pytest.mark.parametrize("quality", [10.0, 400.0, 3000.0])
+def test_the_quality_of_an_oscillator_is_found_below_the_resolution_too(frequency, quality):
+    model = WN(sigma2=1.0) + OSC(frequency=frequency, quality=quality, sigma2=9.0)
+    (resonance,) = _resonances(model.simulate(SAMPLES, RATE, rng=1))
+    periods = frequency * SAMPLES / RATE / quality  # the relative variance of the quality is 1/π times its inverse
+    assert resonance.frequency == pytest.approx(frequency, rel=0.02)
+    assert abs(np.log(resonance.quality / quality)) < 0.05 + 3 / np.sqrt(np.pi * periods)
+    assert abs(np.log(resonance.variance / 9.0)) < 0.05 + 4 / np.sqrt(np.pi * periods)
+
+
+def test_a_sinusoid_in_noise_has_no_width():
+    times = np.arange(SAMPLES // 4) / RATE
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        line = 10 ** rng.uniform(-1, 1.5) * np.sin(2 * np.pi * rng.uniform(0.1, 45.0) * times + rng.uniform(0, 6.3))
+        assert all(item is None for item in _resonances(line + rng.normal(size=times.size)))
