@@ -41,6 +41,7 @@ SEED := 1
 
 fuzz: $(VENV)/.dev ## change good files at random and read them; SECONDS=60 for each of the families of input
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) --seed $(SEED)
+	$(BIN)/python -m tests.fuzz.kernels --seed $(SEED)
 
 bench: $(VENV)/.dev ## measure time and memory and compare with other programs (minutes); PAGE=1 also updates docs/benchmarks.md
 	$(BIN)/python -m benchmarks --json build/benchmarks.json $(if $(PAGE),--page)

@@ -32,7 +32,10 @@ def test_a_pipe_is_not_a_recording(tmp_path, pattern):
     recording(tmp_path / "unit.csv")
     for name in ("pipe.csv", "pipe"):
         os.mkfifo(tmp_path / name)
-    assert list(find_units(tmp_path, tmp_path / "out", pattern).paths) == ["unit.csv"]
+    (tmp_path / "zero.csv").symlink_to("/dev/zero")
+    units = find_units(tmp_path, tmp_path / "out", pattern)
+    assert list(units.paths) == ["unit.csv"]
+    assert units.left_out == ("pipe", "pipe.csv", "zero.csv")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="the system has no permissions of Unix")

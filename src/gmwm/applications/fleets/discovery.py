@@ -26,7 +26,7 @@ class FleetUnits:
     """Recordings of a fleet by unit, and the files of the folder that are not recordings."""
 
     paths: Mapping[str, Path]  # by unit
-    left_out: tuple[str, ...] = ()  # files that no reader recognizes
+    left_out: tuple[str, ...] = ()  # files that no reader recognizes, pipes and devices
     # name of the recording inside its file, for units whose file contains several recordings
     topics: Mapping[str, str] = field(default_factory=dict)
 
@@ -83,11 +83,12 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     for path in _walk(folder, output):
         try:
             is_folder = path.is_dir()
+            unit = printable(path.relative_to(folder).as_posix())
             if path.exists() and not path.is_file() and not is_folder:
-                continue  # it is a pipe or a device
+                left_out.append(unit)  # it is a pipe or a device
+                continue
         except OSError as error:  # its folder can be listed, but not entered
             _raise_unreadable(error)
-        unit = printable(path.relative_to(folder).as_posix())
         if pattern is not None:
             # A pattern with a slash is compared with the path, other patterns with the file name.
             if fnmatchcase(unit if "/" in pattern else path.name, pattern):
