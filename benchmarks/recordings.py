@@ -1,7 +1,7 @@
 """Processes on real recordings and published curves, and what other programs take for such work.
 
-The data are in the folder `shared` beside the checkout and are not part of the package; without them, there are only
-the simulated logs.
+The data are in the folder `shared` beside the checkout, or beside a folder that contains it. They are not part of the
+package; without them, there are only the simulated logs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from benchmarks.children import Child, command, run
 from benchmarks.results import Results
 from gmwm.showing.plots.axes import number_text, power_text
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+FOLDERS = [folder / "shared" / "data" for folder in Path(__file__).resolve().parents[2:]]
+DATA = next((folder for folder in FOLDERS if folder.exists()), FOLDERS[0])
 RECORDINGS = tuple(f"adis16405_static_{k}.parquet" for k in (1, 2, 3))
 CURVES = ("navchip", "mtig")
 UNITS = "gyro=deg/s,accel=g"

@@ -141,7 +141,7 @@ def measured(way: Drive, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Track(NamedTuple):
-    """Errors of a filter before each satellite position, (seconds, runs, 5), and the covariances that it states."""
+    """Errors of a filter before each satellite position, (seconds, runs, 5), and the covariances that it claims."""
 
     error: np.ndarray
     covariance: np.ndarray

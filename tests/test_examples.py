@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from examples import array, contaminated, imu_tools, navigation, paper
+import gmwm
+from examples import array, contaminated, departures, imu_tools, navigation, paper
 
 SEED = 2018
 
@@ -236,3 +237,32 @@ def test_the_lines_of_the_document_put_a_model_into_a_filter():
     assert P[0, 0] == pytest.approx(expected, rel=1e-9)
     assert names["slow"].F[0, 0] == pytest.approx(np.exp(-0.02 / 10), rel=1e-12)
     assert names["corrected"](3.0, np.array([1.0, 1.0]))[0] == 1.0
+
+
+@pytest.mark.parametrize("overlapping", [True, False])
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        np.eye(256) + departures.bias_instability(256, 50, 0.5),
+        departures.growing_white_noise(256, 1.0, 3.0),
+        departures.ar1_blocks(256, 60, 0.9, 0.2),
+    ],
+    ids=["bias", "white", "blocks"],
+)
+def test_departures_have_the_expected_allan_variance(covariance, overlapping):
+    rng = np.random.default_rng(SEED)
+    root = np.linalg.cholesky(covariance)
+    kind = "overlapping" if overlapping else "nonoverlapping"
+    rows = []
+    for _ in range(400):
+        result = gmwm.allan_variance(root @ rng.standard_normal(256), kind=kind)
+        rows.append(result.variance)
+    expected = departures.expected_allan_variance(covariance, result.clusters, overlapping)
+    assert np.all(np.abs(np.mean(rows, axis=0) - expected) < 4 * np.std(rows, axis=0) / np.sqrt(400))
+
+
+def test_departures_print_a_fit_that_does_not_see_them(capsys):
+    departures.main()
+    assert capsys.readouterr().out.count("of GM + WN") == 3
+    path = departures.draw(departures.bias_instability(100, 30, 1.0), np.random.default_rng(SEED))
+    assert np.unique(path.round(5)).size == 4

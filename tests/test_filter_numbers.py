@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm import AR1, DR, FN, GM, MAT, PL, QN, RW, SIN, WN, Model
 from gmwm.choosing.datasheets.filter_numbers import best_gain, filter_numbers
-from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
+from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
 from gmwm.theory.processes import registry
 
 RATE = 100.0
@@ -48,7 +48,7 @@ def by_lags(process, gain: FilterGain, samples: int) -> float:
 def test_the_error_is_the_sum_over_lags_of_every_process(name, bandwidth, samples):
     process, gain = NOISES[name], FilterGain(bandwidth)
     tolerance = 0.01 if name == "MAT" else 1e-7  # the density of MAT comes from its approximate state space
-    assert Forecast.of([process], RATE, samples).error(gain)[0] == pytest.approx(
+    assert FilterPrediction.of([process], RATE, samples).error(gain)[0] == pytest.approx(
         by_lags(process, gain, samples), rel=tolerance
     )
 
@@ -66,13 +66,13 @@ def test_the_error_of_a_markov_process_in_closed_form(time, samples):
         mean = (samples * (1 + phi) / (1 - phi) - 2 * phi * (1 - phi**samples) / (1 - phi) ** 2) / samples**2
         estimate = g / (2 - g) * (1 + keep * phi) / (1 - keep * phi)
         both = g / (1 - keep * phi) * phi * (1 - phi**samples) / (1 - phi) / samples
-        error = Forecast.of([GM(beta=1 / time, sigma2=1.0)], RATE, samples).error(FilterGain(bandwidth))[0]
+        error = FilterPrediction.of([GM(beta=1 / time, sigma2=1.0)], RATE, samples).error(FilterGain(bandwidth))[0]
         assert error == pytest.approx(float(mean + estimate - 2 * both), rel=1e-9)
 
 
 def test_the_derivative_is_the_derivative():
     model = WN(sigma2=1.0) + FN(b2=0.01) + GM(beta=0.1, sigma2=0.05) + DR(omega=1e-5)
-    prediction = Forecast.of(model.processes, RATE, 300)
+    prediction = FilterPrediction.of(model.processes, RATE, 300)
     for bandwidth in (1e-7, 1e-3, 0.1, 30.0):
         step = 1e-4
         low, high = (prediction.error(FilterGain(bandwidth * math.exp(s * step)))[0] for s in (-1, 1))
@@ -165,7 +165,7 @@ def test_resonances_are_integrated():
     phi1, phi2 = 2 * radius * math.cos(angle), -(radius**2)
     process = gmwm.Model.parse(f"AR(2, phi1={phi1!r}, phi2={phi2!r}, sigma2=1)").processes[0]
     for samples in (100, 6000):
-        prediction = Forecast.of([process], RATE, samples)
+        prediction = FilterPrediction.of([process], RATE, samples)
         variance = float(process.autocovariance([0], RATE)[0])
         assert prediction.mass.sum() == pytest.approx(variance, rel=1e-6)
 
@@ -173,7 +173,7 @@ def test_resonances_are_integrated():
 def test_the_smallest_of_several_minima():
     # White noise, a Gauss-Markov term of 1 s and a slow walk: the error has two minima.
     model = WN(sigma2=1e-4) + GM(beta=1.0, sigma2=1e-2) + RW(gamma2=1e-9)
-    prediction = Forecast.of(model.processes, RATE, 2000)
+    prediction = FilterPrediction.of(model.processes, RATE, 2000)
     gain = best_gain(prediction)
     tried = [prediction.error(FilterGain(q))[0] for q in np.geomspace(1e-8, 10, 2000)]
     assert prediction.error(gain)[0] <= min(tried)
@@ -221,7 +221,7 @@ def test_the_density_of_flicker_noise_agrees_with_quadrature():
         return float(abs(ahead - back) ** 2 * density * theta / math.pi)
 
     value = sum(quad(integrand, a, b, limit=400)[0] for a, b in ((-16, -4), (-4, -1), (-1, math.log(math.pi))))
-    assert Forecast.of([process], RATE, samples).error(gain)[0] == pytest.approx(value, rel=1e-6)
+    assert FilterPrediction.of([process], RATE, samples).error(gain)[0] == pytest.approx(value, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,20 @@ def test_a_small_jump_is_found_and_subtracted():
     assert with_jump.high > 2 * without.high
 
 
+def test_several_jumps_are_told_from_a_random_walk():
+    """One by one, each of several jumps looks like a part of a random walk of the others."""
+    several = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        at = np.sort(rng.integers(2_000, SAMPLES - 2_000, size=5))
+        sizes = 2.4e-4 * rng.choice([-1, 1], size=5) * rng.uniform(0.7, 1.5, size=5)
+        x = faults.WHITE * rng.normal(size=SAMPLES)
+        x += sizes @ (np.arange(SAMPLES) > at[:, None])
+        remarks = [remark for remark in seen(x).remarks if remark.code == "level-steps"]
+        several += bool(remarks) and remarks[0].facts["count"] >= 2
+    assert several >= 9
+
+
 def test_a_jump_is_subtracted_from_a_stream_too(tmp_path):
     rng = np.random.default_rng(4)
     x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)

@@ -18,8 +18,8 @@ from tests.helpers import tomllib
 ROOT = Path(__file__).resolve().parent.parent
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 RECIPE = ROOT / "release" / "conda" / "recipe.yaml"
-LARGEST = 1_900_000
-"""Bytes of the source archive: 0.4 MB are the plotting script of the HTML report, and 1.4 MB the source. Tests or the
+LARGEST = 2_000_000
+"""Bytes of the source archive: 0.4 MB are the plotting script of the HTML report, and 1.5 MB the source. Tests or the
 documentation would add several MB."""
 
 

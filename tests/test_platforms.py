@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from gmwm.cli.commands import NAMES
 
 PACKAGE = Path(__file__).resolve().parent.parent / "src" / "gmwm"
 POSIX_ONLY = {
@@ -80,3 +84,20 @@ def test_no_call_of_some_systems_is_made_on_all():
 )
 def test_a_call_is_recognised_as_guarded(source, names):
     assert unguarded(source) == names
+
+
+# --- examples in every shell --------------------------------------------------------------------------
+
+SHELL_BLOCK = re.compile(r"^```(?:sh|bash|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def test_examples_quote_as_every_shell_does():
+    """cmd takes single quotes for a part of the word."""
+    root = PACKAGE.parent.parent
+    pages = [root / "README.md", *(root / "docs").rglob("*.md")]
+    blocks = [block for page in pages for block in SHELL_BLOCK.findall(page.read_text(encoding="utf-8"))]
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    commands = [line for line in lines if re.match(r"\s*(\$ )?(gmwm|pip) ", line)]
+    commands += [example for name in NAMES for example in getattr(import_module(f"gmwm.cli.{name}"), "EXAMPLES", ())]
+    assert len(commands) > 100
+    assert [command for command in commands if "'" in command] == []

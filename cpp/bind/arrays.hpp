@@ -33,6 +33,9 @@ using OutMatrix = Out<double, 2>;
 using OutCube = Out<double, 3>;
 using Result = Output<double>;
 
+// Whether `count` parts of `each` values are at most `size` values. The product can be too large for its type.
+inline bool fits(std::size_t count, std::size_t each, std::size_t size) { return count == 0 || each <= size / count; }
+
 // A flat view of all values of an array.
 template <class T, class... Properties>
 std::span<T> view(const nb::ndarray<T, Properties...>& array) {

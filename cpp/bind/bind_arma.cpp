@@ -1,6 +1,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -25,7 +26,11 @@ void require(bool fits, const char* what) {
 
 gmwm::ArmaOrders orders_of(const Orders& given, std::size_t parameters) {
   const gmwm::ArmaOrders orders{given[0], given[1], given[2], given[3], given[4]};
-  require(orders.period >= 1, "the period must be at least 1");
+  // 2^24 coefficients take 128 MB. A season of a day has 2^24 samples at 194 Hz.
+  constexpr std::size_t most = std::size_t{1} << 24;
+  require(orders.period >= 1 && std::all_of(given.begin(), given.end(), [](std::size_t n) { return n <= most; }) &&
+              fits(std::max(given[2], given[3]) + 1, orders.period, most),
+          "the period must be at least 1, and the polynomials have at most 2^24 coefficients");
   require(parameters == orders.parameters(), "there must be as many parameters as orders");
   return orders;
 }

@@ -89,7 +89,8 @@ Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::
 void haar_block_squares(const Vector& running_sum, std::size_t block, const OutMatrix& out) {
   const std::size_t levels = out.shape(1);
   if (levels < 1 || levels > gmwm::max_level || block < 1 ||
-      out.shape(0) * block + (std::size_t{1} << levels) > running_sum.size())
+      !fits(out.shape(0), block, running_sum.size()) ||
+      (std::size_t{1} << levels) > running_sum.size() - out.shape(0) * block)
     throw std::invalid_argument("the last coefficients must end within the running sum");
   const nb::gil_scoped_release release;
   gmwm::haar_block_squares(view(running_sum), block, levels, view(out));

@@ -66,6 +66,7 @@ Sums lag_sums(const Input<std::int64_t, 1>& levels, std::int64_t samples, bool d
   std::vector<double> first(pairs), second(pairs);
   std::vector<gmwm::TableFactor> factors;
   for (const auto& [table, factor] : tables) {
+    if (table == nullptr) throw nb::value_error("a table is None");
     const std::vector<std::int64_t>& all = table->levels();
     if (table->samples() != samples || table->diagonal() != diagonal || all.size() < size ||
         !std::equal(wanted.begin(), wanted.end(), all.begin()))

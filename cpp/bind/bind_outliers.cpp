@@ -33,7 +33,7 @@ std::tuple<Output<std::int64_t>, Result, Result, double> large_coefficients(cons
 
 Result neighbour_residuals(const Vector& x, const Vector& others, const Indices& at, std::size_t reach) {
   const std::size_t n = x.size();
-  if (others.size() != n || reach == 0 || n <= 2 * reach)
+  if (others.size() != n || reach == 0 || n == 0 || reach > (n - 1) / 2)
     throw nb::value_error("x and others must have the same size, more than 2 reach, reach > 0");
   for (const std::int64_t place : view(at))
     if (place < 0 || place >= static_cast<std::int64_t>(n)) throw nb::value_error("a place is outside the samples");

@@ -28,22 +28,29 @@ GMWM_CLONES void shifted_clone(const double* x, std::size_t n, double reference,
   for (std::size_t i = 0; i < n; ++i) out[i] = x[i] - reference;
 }
 
-// Levels with half-scales h, 2h, … of a tile, see tile::levels_of_tile. The loader selects a version as it selects a
-// clone. Only the version for AVX-512 has registers for the wider vectors, which take a fifth less time.
+// Levels with half-scales h, 2h, … of a tile, see tile::levels_of_tile. Only a processor with AVX-512 has registers for
+// the wider vectors, which take a fifth less time.
+GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
+                              const tile::Ahead& ahead) {
+  tile::levels_of_tile<Pack>(p, n, levels, sums, h, ahead);
+}
+
 #if GMWM_HAS_CLONES
-#define GMWM_LEVELS(TARGET, VALUES)                                                                                   \
-  __attribute__((target(TARGET))) void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums,   \
-                                                  std::size_t h, const tile::Ahead& ahead) {                          \
-    tile::levels_of_tile<VALUES>(p, n, levels, sums, h, ahead);                                                       \
-  }
-GMWM_LEVELS("default", Pack)
-GMWM_LEVELS("arch=x86-64-v3", Pack)
-GMWM_LEVELS("arch=x86-64-v4", WidePack)
-#undef GMWM_LEVELS
+const bool has_v3 = __builtin_cpu_supports("x86-64-v3"), has_v4 = __builtin_cpu_supports("x86-64-v4");
+
+__attribute__((target("arch=x86-64-v4"))) void wide_levels(const double* p, std::size_t n, std::size_t levels,
+                                                           double* sums, std::size_t h, const tile::Ahead& ahead) {
+  tile::levels_of_tile<WidePack>(p, n, levels, sums, h, ahead);
+}
+
+void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
+                const tile::Ahead& ahead) {
+  (has_v4 ? wide_levels : levels_clone)(p, n, levels, sums, h, ahead);
+}
 #else
 void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
                 const tile::Ahead& ahead) {
-  tile::levels_of_tile(p, n, levels, sums, h, ahead);
+  levels_clone(p, n, levels, sums, h, ahead);
 }
 #endif
 
@@ -189,13 +196,7 @@ void far_levels(Columns columns, std::span<double> squares) {
 }  // namespace
 
 #if GMWM_HAS_CLONES
-// One function for each target of the clones: the loader selects it in the same way as it selects a clone.
-namespace {
-__attribute__((target("default"))) const char* version() { return "default"; }
-__attribute__((target("arch=x86-64-v3"))) const char* version() { return "x86-64-v3"; }
-__attribute__((target("arch=x86-64-v4"))) const char* version() { return "x86-64-v4"; }
-}  // namespace
-const char* running_clone() { return version(); }
+const char* running_clone() { return has_v4 ? "x86-64-v4" : has_v3 ? "x86-64-v3" : "default"; }
 #else
 const char* running_clone() { return "portable"; }
 #endif

@@ -158,7 +158,7 @@ def test_a_user_calibrates_the_shared_recording_and_repeats_it_in_a_shell(opened
     assert name == "imu.yaml"
     assert "--skip 100-120" in page.locator("#shell pre").text_content()
     for axis in ("gyro_x", "gyro_y", "gyro_z"):
-        assert f"--model '{axis}=2*GM + WN + RW'" in page.locator("#shell pre").text_content()
+        assert f'--model "{axis}=2*GM + WN + RW"' in page.locator("#shell pre").text_content()
     assert repeated(page, tmp_path) == found
     session, _ = downloaded(page, "#get-session")
     assert Session.from_text(session.decode()).reading == {"units": {"gyro": "deg/s"}, "skip": [[100.0, 120.0]]}

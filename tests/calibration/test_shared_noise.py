@@ -14,6 +14,7 @@ from gmwm.applications.several.block_means import block_means, shared_noise
 from gmwm.applications.several.result import SharedNoise
 from gmwm.base.remarks import texts
 from gmwm.calibration import Calibration
+from gmwm.calibration.passes import clean, read_recording
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.text import plain
@@ -95,6 +96,23 @@ def test_each_of_several_recordings_is_tested():
     }
     found = gmwm.calibrate(parts, within="WN + RW")
     assert only(found.recording_remarks, "noise-shared:calibration").subject == "tuesday"
+
+
+@pytest.mark.parametrize("restarted", [(), ("gyro_x",), AXES[:3]])
+def test_gaps_are_filled_once_also_if_one_sensor_restarts(restarted):
+    rng = np.random.default_rng(11)
+    lost = rng.choice(np.arange(100, SAMPLES - 100), 200, replace=False)
+    lost = np.union1d(lost, np.arange(SAMPLES // 2, SAMPLES // 2 + 20))
+    recording = {}
+    for axis, values in arrays(rng, share=0.5).items():
+        values[SAMPLES // 2 :] += 0.02 * (axis in restarted)
+        values[lost] = np.nan
+        unit = "rad/s" if "gyro" in axis else "m/s²"
+        recording[axis] = Signal.from_missing(values, RATE, unit, axis)
+    (finding,) = read_recording(Imu(recording), AXES, 0.6).findings
+    expected = shared_noise({axis: clean(signal) for axis, signal in recording.items()})
+    assert expected
+    assert finding == expected
 
 
 def test_all_samples_give_the_result_of_cross():

@@ -45,7 +45,7 @@ def test_a_stream_is_calibrated_as_the_recording(path, monkeypatch, size):
     assert len([one for one in told if one.startswith("first pass: ")]) > 2
     assert told.index("first pass: 3.3 min") > 1
     assert "second pass: 3.3 min of 3.3 min" in told
-    assert calls[-1][:2] == (12, 12)
+    assert calls[-1][:2] == (9, 9)
 
 
 @pytest.mark.slow

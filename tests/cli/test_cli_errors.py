@@ -1,5 +1,9 @@
 """Every error of a user is one line on stderr with exit code 2, and names the option to change."""
 
+import shlex
+import subprocess
+import sys
+
 import pytest
 
 CASES = {
@@ -174,3 +178,12 @@ def test_a_warning_is_one_line(gmwm, folder):
     assert line == f"warning: {remark['text']} [unit-inferred]"
     assert "--units accel=g" in line
     assert remark["facts"]["unit"] == "g"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of the address space")
+def test_too_small_an_address_space_is_one_line(recording):
+    command = f"ulimit -v 400000; exec {shlex.quote(sys.executable)} -m gmwm info {shlex.quote(str(recording))}"
+    run = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: the address space is limited to 0.38 GiB")
+    assert run.stderr.count("\n") == 1

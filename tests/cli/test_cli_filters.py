@@ -29,3 +29,13 @@ def test_unknown_filter_is_one_line(gmwm, recording):
     assert outcome.code == 2
     assert outcome.err.count("\n") <= 2
     assert "d4" in outcome.err
+
+
+def test_moments_of_fit_are_the_library_s(gmwm, recording):
+    options = ("--axis", "gyro_y", "--model", "WN + RW", "--moments", "haar + lags:2")
+    content = gmwm("fit", recording, *options, "--json").json["axes"]["gyro_y"]
+    fit = library.fit("WN + RW", read(recording)["gyro_y"], moments="haar + lags:2")
+    assert content["parameters"] == dict(fit.parameters)
+    assert content["wavelet_variance"]["levels"][:3] == [-2, -1, 1]
+    assert content["weighting"] == "optimal"
+    assert "and 2 lags" in gmwm("fit", recording, *options).out

@@ -89,3 +89,17 @@ def test_chunks_change_nothing_and_gaps_are_respected():
     sums.gap()
     sums.update(x[200_000:])
     assert np.array_equal(sums.excess(wv), excess_covariance(signal, wv))
+
+
+def test_the_covariance_is_wider_if_the_fourth_moment_is_infinite():
+    """The mean square of Student noise with 2.5 degrees of freedom is within two standard errors of the variance."""
+    n, inside, usual = 120_000, 0, 0
+    for seed in range(20):
+        values = np.random.default_rng(seed).standard_t(2.5, size=n) / np.sqrt(5)
+        wv = wavelet_variance(values, rate=1.0)
+        excess = excess_covariance(Signal(values, rate=1.0), wv)
+        if excess is not None:
+            inside += abs(wv.variance[0] / 0.5 - 1) < 2 * np.sqrt(excess[0, 0])
+            usual += 1
+    assert usual >= 15
+    assert inside >= 0.85 * usual

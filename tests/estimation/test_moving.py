@@ -85,6 +85,18 @@ def test_a_correlation_time_that_follows_the_temperature() -> None:
     assert table["T_c of GM"].to_list() == pytest.approx([np.exp(3.9), np.exp(2.1)], rel=0.2)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [8, 9, 10])
+def test_a_term_that_does_not_exist_has_no_dependence(seed: int) -> None:
+    signal = gmwm.Signal(np.random.default_rng(seed).normal(size=N), 1.0)
+    fit = gmwm.fit("GM + WN", signal, varies={"GM.beta": "c"}, against={"c": RAMPS})
+    low, high = fit.estimates["GM.beta (b)"].interval(0.99)
+    assert low < 0 < high
+    assert fit.pvalue_constant is not None
+    assert fit.pvalue_constant > 0.01
+    assert "GM.beta (b)" in fit.summary()
+
+
 def test_bins_have_equal_shares_and_end_at_gaps() -> None:
     values = white(np.random.default_rng(5), 200 * RAMPS).values.copy()
     values[5000:5100] = np.nan

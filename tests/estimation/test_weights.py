@@ -81,3 +81,18 @@ def test_only_models_far_from_the_data_have_no_weights_that_agree(model):
     fit = gmwm.fit(model, gmwm.wavelet_variance(x, 100.0), weighting="optimal", certify=False)
     again = fit.refit(fit.wavelet_variance)
     assert min(fit.objective, again.objective) > 1000
+
+
+def test_levels_with_the_weight_zero_are_left_out():
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal(4000) + np.diff(rng.standard_normal(4001))
+    wv = gmwm.wavelet_variance(x, 1.0)
+    weights = 1 / wv.variance**2
+    weights[[0, -1]] = 0.0
+    expected = gmwm.fit("WN + QN", wv.only(wv.levels[1:-1]), weighting=weights[1:-1])
+    for matrix in (weights, np.diag(weights)):
+        fit = gmwm.fit("WN + QN", wv, weighting=matrix)
+        assert fit.parameters == expected.parameters
+        assert fit.wavelet_variance.levels.tolist() == wv.levels[1:-1].tolist()
+    with pytest.raises(gmwm.errors.OptionError):
+        gmwm.fit("WN", wv, weighting=np.zeros(len(wv)))

@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.choosing.datasheets.filter_numbers import best_gain, smallest_error
-from gmwm.choosing.datasheets.prediction import Forecast
+from gmwm.choosing.datasheets.prediction import FilterPrediction
 from gmwm.showing.exporters import quality
 from gmwm.showing.exporters.quality import TIMES, Quality, predictions, qualities
 from gmwm.showing.exporters.reduction import Number, axis_noise, sensor_noise
@@ -26,7 +26,7 @@ def axis_of(calibration, axis):
 @pytest.mark.parametrize("samples", [1, 20, 3000])
 def test_white_noise_and_a_walk_lose_nothing(samples):
     processes = Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-5)").processes
-    prediction = Forecast.of(processes, RATE, samples)
+    prediction = FilterPrediction.of(processes, RATE, samples)
     least = smallest_error(processes, RATE, samples)
     assert prediction.error(best_gain(prediction))[0] == pytest.approx(least, rel=1e-6)
 

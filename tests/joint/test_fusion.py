@@ -278,3 +278,44 @@ def test_a_recording_in_motion_has_a_remark():
     motion = 0.05 * np.sin(np.arange(20_000) / 500)
     found = fuse({f"gyro_x[{k}]": motion + 1e-3 * rng.normal(size=20_000) for k in range(3)}, 100.0)
     assert "model-rejected:array" in [code_of(remark) for remark in found.remarks]
+
+
+def test_weights_for_a_range_of_scales():
+    """They minimise the mean of the variance over that of the average, and lie between those of the ends."""
+    x = array(n=1 << 14)
+    gamma = wavelet_matrices({name: gmwm.Signal(values, 1.0) for name, values in x.items()}).values
+    ranged = fuse(x, 1.0, horizon=(4.0, 512.0))["gyro_x"]
+    target = sum(gamma[k] / gamma[k].mean() for k in range(1, 9))
+    np.testing.assert_allclose(ranged.weights, best_weights(target))
+    ends = [fuse(x, 1.0, horizon=scale)["gyro_x"] for scale in (4.0, 512.0)]
+    inside = slice(1, 9)
+    mean = [np.mean(virtual.measured[inside] / ranged.average[inside]) for virtual in (ranged, *ends)]
+    assert mean[0] < min(mean[1:])
+    assert "for scales of 4 s to 8.5 min" in repr(fuse(x, 1.0, horizon=(4.0, 512.0)))
+
+
+def test_weights_of_vaccaro_and_zaki():
+    """With an infinite horizon, the weights are those of the random walks alone."""
+    rng, shares = np.random.default_rng(3), np.array([1.0, 2.0, 4.0])
+    x = {f"gyro_x[{k}]": np.cumsum(s * rng.normal(size=1 << 14)) + 30 * rng.normal(size=1 << 14)
+         for k, s in enumerate(shares)}  # fmt: skip
+    weights = fuse(x, 1.0, horizon=np.inf, model="WN + RW")["gyro_x"].weights
+    np.testing.assert_allclose(weights, shares**-2 / np.sum(shares**-2), atol=0.05)
+
+
+def test_a_signal_that_can_be_left_out():
+    rng = np.random.default_rng(4)
+    x = {f"gyro_x[{k}]": size * rng.normal(size=1 << 14) for k, size in enumerate((1.0, 1.0, 10.0))}
+    virtual = fuse(x, 1.0, horizon=8.0)
+    np.testing.assert_allclose(
+        virtual["gyro_x"].without, [np.sqrt(2.01 / 1.01), np.sqrt(2.01 / 1.01), 1.0025], atol=0.06
+    )
+    assert "deviation without it" in virtual.summary()
+    assert virtual.to_dict()["axes"]["gyro_x"]["without"]["gyro_x[2]"] < 1.02
+
+
+@pytest.mark.parametrize("horizon", [(4.0, 2.0), (4.0,), (4.0, np.inf), (4.0, 1e6), (4.1, 4.2)])
+def test_ranges_that_are_refused(horizon):
+    with pytest.raises(OptionError) as error:
+        fuse(array(), 1.0, horizon=horizon)
+    assert error.value.argument == "horizon"

@@ -51,10 +51,10 @@ def test_errors_are_those_of_a_kalman_filter() -> None:
     innovations = _Innovations.of(gmwm.Model.parse(text), signal(x), n)
     claimed, errors = innovations.errors(n)
     # The gain of the constant level still falls, as 1/t.
-    start = 10 * n
+    start = 3 * n
     for k in range(4):
         wanted = expected[start - 1 + k * n // 4 :: n][: errors.size // 4]
-        assert np.std(errors[k::4] * claimed - wanted) < 0.02 * np.std(expected)
+        assert np.std(errors[k::4] * claimed - wanted) < 0.05 * np.std(expected)
 
 
 def test_the_claim_is_the_closed_form() -> None:
@@ -89,13 +89,13 @@ def test_a_random_walk_that_is_missing_shows_at_the_longest_horizon() -> None:
 
 
 def test_a_short_recording_decides_nothing() -> None:
-    result = consistency({"gyro_x": model()}, {"gyro_x": signal(noise(5, 3000))})
+    result = consistency({"gyro_x": model()}, {"gyro_x": signal(noise(5, 2400))})
     assert result["gyro_x"].errors[0].verdict == "consistent"
     assert result["gyro_x"].verdict == "undecided"
     assert math.isnan(result["gyro_x"].errors[2].real)
     assert "too short" in result.summary()
-    with pytest.raises(DataError, match="fewer than 8 samples"):
-        consistency({"gyro_x": model()}, {"gyro_x": signal(noise(5, 12))})
+    with pytest.raises(DataError, match="fewer than 5 samples"):
+        consistency({"gyro_x": model()}, {"gyro_x": signal(noise(5, 7))})
 
 
 def test_the_width_of_an_interval_decides() -> None:
@@ -147,6 +147,15 @@ def test_forms_of_a_calibration() -> None:
     }  # fmt: skip
     assert results["model"].to_dict()["axes"]["gyro_x"]["errors"][0]["verdict"] == "consistent"
     assert results["model"].plot().axes[0].get_xlabel() == "Horizon (s)"
+
+
+def test_a_limit_is_cautious() -> None:
+    """K of white noise is an upper limit, so that the filter claims too much over a minute."""
+    first, second = (gmwm.Imu({"gyro_x": signal(noise(k, 20_000, white=1e-3, walk=0.0))}) for k in (10, 11))
+    result = consistency(gmwm.calibrate(first, "WN + RW"), second)["gyro_x"]
+    assert result.limits == ("K",)
+    assert result.errors[2].ratio > 1.1
+    assert result.verdict != "overconfident"
 
 
 def test_errors_name_the_option() -> None:

@@ -113,3 +113,13 @@ def test_a_spike_of_any_size_is_found(size):
     x = clean(n=20_000)
     x[500] = size
     assert find_spikes(Signal(x, RATE)).indices.tolist() == [500]
+
+
+@pytest.mark.parametrize("share", [0.003, 0.01, 0.03])
+def test_the_small_ones_of_a_power_law_are_estimated_from_the_large_ones(share):
+    rng, n = np.random.default_rng(4), 200_000
+    x, wrong = rng.normal(size=n), rng.random(n) < share
+    x[wrong] += rng.standard_cauchy(np.count_nonzero(wrong))
+    spikes = find_spikes(Signal(x, rate=100.0))
+    clean = np.delete(x, spikes.indices)
+    assert spikes.left / n == pytest.approx(np.var(clean) - 1, abs=0.4 * (np.var(clean) - 1) + 0.005)

@@ -52,3 +52,16 @@ def test_autocorrelation_leaves_out_pairs_across_a_gap():
     assert np.all(np.sign(r) == [-1, 1, -1, 1])
     with raises(OptionError, "lags"):
         plot_autocorrelation(signal, 180)
+
+
+def test_an_autocorrelation_is_drawn_beside_the_robust_one_and_the_model():
+    law = gmwm.Model.parse("ARMA(phi=[0.7], theta=[0.4], sigma2=1.0)")
+    x = law.simulate(3000, 1.0, rng=1)
+    x[::100] += 20.0
+    panel = signal_autocorrelation_panel(gmwm.Signal(x, rate=1.0), 20, robust=True, model=law)
+    curves = {mark.label: mark.y for mark in panel.marks if hasattr(mark, "y")}
+    assert curves["Model: ARMA(1,1)"][0] == pytest.approx(0.82, abs=0.01)
+    assert curves["Observed"][0] < curves["Observed, robust"][0] < 0.85
+    assert panel.y.limits[1] > 0.82
+    partial = signal_autocorrelation_panel(gmwm.Signal(x, rate=1.0), partial=True)
+    assert partial.y.label == "Partial autocorrelation"

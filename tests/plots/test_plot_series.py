@@ -302,3 +302,31 @@ def test_a_knock_does_not_flatten_the_other_samples():
     ((panel,),) = recording_figure(calm).rows
     assert len(panel.marks) == 1
     assert "beyond" not in panel.title
+
+
+def test_samples_of_findings_are_marked():
+    rng, n = np.random.default_rng(3), 30_000
+    noise = 1e-3 * rng.normal(size=(4, n))
+    clipped = np.minimum(noise[0], 1.5e-3)
+    wrong = noise[1].copy()
+    wrong[[7_000, 21_000]] += 0.1
+    jump = noise[2] + 1e-3 * (np.arange(n) >= 12_000)
+    frozen = noise[3][np.maximum.accumulate(np.where(np.arange(n) % 3000 < 100, 0, np.arange(n)))]
+    axes = {"gyro_x": clipped, "gyro_y": wrong, "gyro_z": jump}
+    recordings = [axes, {"gyro_x": frozen}]
+    labels = []
+    for values in recordings:
+        imu = Imu({axis: Signal(x, 100.0, "rad/s", axis=axis) for axis, x in values.items()})
+        figure = recording_figure(imu, inspection=gmwm.inspect(imu))
+        labels.append(set(figure.labels))
+        plain = recording_figure(imu)
+        assert "Clipped" not in plain.labels
+        assert figure.height >= plain.height
+        if "gyro_y" in values:
+            panels = dict(zip(values, figure.panels, strict=True))
+            assert np.all(panels["gyro_x"]["Clipped"].y == np.max(panels["gyro_x"]["Clipped"].y))
+            assert len(panels["gyro_y"]["Wrong sample"].x) == 2
+            time = panels["gyro_z"]["Jump"].x[0] / panels["gyro_z"].x.limits[1]
+            assert time == pytest.approx(0.4, abs=0.02)
+    assert {"Clipped", "Wrong sample", "Jump"} <= labels[0]
+    assert "Frozen" in labels[1]

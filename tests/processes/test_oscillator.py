@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
 import gmwm
+from gmwm.choosing.selection import search
+from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes import GM, OSC, SIN
 from gmwm.theory.processes.exponential_sum import lag_sums
 from gmwm.theory.processes.oscillator import PERIODIC_QUALITY
@@ -80,6 +83,44 @@ def test_n_and_k_leave_out_an_oscillation_slower_than_the_horizon():
         signal = gmwm.Signal(gmwm.Model.parse(model).simulate(2**18, RATE, rng=1), RATE, "rad/s")
         n = gmwm.datasheets.effective_noise(gmwm.fit(model, gmwm.wavelet_variance(signal)))["N"].value
         assert n**2 == pytest.approx(1e-6 / RATE + added, rel=0.04)
+
+
+@pytest.mark.parametrize("quality", [0.5001, 0.7, 20.0, 1e6])
+@pytest.mark.parametrize("frequency", [1e-7, 0.3, 49.0, 101.0, 260.0])
+def test_the_wavelet_variance_is_exact_at_every_frequency_and_quality(frequency, quality):
+    exact = []
+    with mpmath.workdps(60):
+        natural, ratio = 2 * mpmath.pi * mpmath.mpf(frequency) / 100, 1 / (2 * mpmath.mpf(quality))
+        damping, turn = natural * ratio, natural * mpmath.sqrt(1 - ratio**2)
+        decay = mpmath.mpc(damping, turn)
+
+        def sums(m: int) -> mpmath.mpc:
+            """Generalised covariance K(m) of the running sum; see `exponential_sum`."""
+            return -m * mpmath.coth(decay / 2) / 2 - mpmath.exp(-decay * m) / (4 * mpmath.sinh(decay / 2) ** 2)
+
+        for half in (2**level for level in range(22)):
+            both = mpmath.mpc(1, damping / turn) * (6 * sums(0) - 8 * sums(half) + 2 * sums(2 * half))
+            exact.append(float(both.real / (2 * half) ** 2))
+    curve = OSC(frequency=frequency, quality=quality, sigma2=1.0).wavelet_variance(22, RATE)
+    np.testing.assert_allclose(curve, exact, rtol=2e-10)
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
+@pytest.mark.parametrize("quality", [1.0, 4.0, 40.0])
+@pytest.mark.parametrize("frequency", [1 / 900, 0.02, 0.5])
+def test_the_search_looks_for_an_oscillator_where_the_curve_has_room_for_one(frequency, quality):
+    smooth = gmwm.Model.parse("WN(sigma2=1) + RW(gamma2=1e-9)")
+    model = smooth + OSC(frequency=frequency, quality=quality, sigma2=0.05)
+    design = Design(np.arange(1, 20), 2**19, RATE)
+    rng = np.random.default_rng(5)
+    curve = model.wavelet_variance(19, RATE)
+    drawn = np.maximum(rng.multivariate_normal(curve, covariance(model, design)), 0.1 * curve)
+    for curve, expected in (
+        (drawn, True), (smooth.wavelet_variance(19, RATE) * (1 + 0.1 * (-1.0) ** np.arange(19)), False),
+    ):  # fmt: skip
+        wv = gmwm.WaveletVariance.from_values(curve, samples=2**19, rate=RATE)
+        fit = gmwm.fit("4*GM + WN + RW", wv, certify=False)
+        assert search._can_oscillate(wv, fit, (), fastest=0.8) is expected
 
 
 @pytest.mark.slow

@@ -62,11 +62,28 @@ def test_axes_share_a_form_that_does_not_increase_their_criteria(choice):
     assert LARGE in steps[-1].text()
 
 
-def test_a_form_is_not_shared_if_it_increases_the_criteria(choice):
-    large = having(choice, {LARGE: 0.0, SMALL: 9.0}, recommended=LARGE)
-    small = having(choice, {SMALL: 0.0, LARGE: 1.9}, recommended=SMALL)
-    before = {"gyro_x": large, "gyro_y": large, "gyro_z": small}
+@pytest.mark.parametrize(("increase", "decrease", "shared"), [(0.6, 5.0, True), (1.6, 5.0, False), (0.6, 0.5, False)])
+def test_no_axis_gets_a_parameter_that_it_does_not_need(choice, increase, decrease, shared):
+    small = having(choice, {SMALL: 0.0, LARGE: increase}, recommended=SMALL)
+    other = having(choice, {LARGE: 0.0, OTHER: decrease}, recommended=OTHER)
+    large = having(choice, {LARGE: 0.0}, recommended=LARGE)
+    after = with_shared_form({"gyro_x": small, "gyro_y": other, "gyro_z": large})
+    assert (len(set(forms_of(after).values())) == 1) is shared
+
+
+def test_a_stationary_model_does_not_replace_one_with_a_walk(choice):
+    walk = having(choice, {OTHER: 0.0, SMALL: 3.0}, recommended=SMALL)
+    markov = having(choice, {OTHER: 0.0}, recommended=OTHER)
+    before = {"gyro_x": walk, "gyro_y": markov, "gyro_z": markov}
     assert with_shared_form(before) == before
+
+
+@pytest.mark.parametrize(("model", "shared"), [(SMALL, True), ("WN", False)])
+def test_an_axis_gets_at_most_one_term(choice, model, shared):
+    small = having(choice, {LARGE: 0.0, model: 3.0}, recommended=model)
+    large = having(choice, {LARGE: 0.0}, recommended=LARGE)
+    after = with_shared_form({"gyro_x": small, "gyro_y": large, "gyro_z": large})
+    assert (len(set(forms_of(after).values())) == 1) is shared
 
 
 def test_a_rejected_model_is_not_shared(choice):
@@ -85,7 +102,6 @@ def test_a_model_that_misses_a_level_by_far_is_not_shared(choice, ratio, shared)
 
 
 def test_an_axis_that_does_not_accept_the_form_keeps_its_model(choice):
-    # OTHER does not contain the model that axis z recommends, and it has a larger criterion.
     lone = having(choice, {OTHER: 0.0}, recommended=OTHER)
     small = having(choice, {LARGE: 0.0, SMALL: 2.0}, recommended=SMALL)
     large = having(choice, {LARGE: 0.0}, recommended=LARGE)

@@ -462,3 +462,14 @@ def test_large_outliers_and_offsets_are_not_refused():
     x[7000] = 1e9
     assert measured(x).variance[:6] == pytest.approx(clean[:6], rel=0.02)
     assert measured(np.where(np.arange(20_000) == 7000, 1e20, 0.0)).variance[:3].tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("power", [-165, -160, -158, -155, -154, -150, -140, 140, 150])
+def test_data_near_the_ends_of_double_precision(power):
+    x = np.random.default_rng(5).normal(size=4000)
+    variance = gmwm.wavelet_variance(x * 10.0**power, rate=100.0, robust=True).variance
+    assert np.all(np.isfinite(variance))
+    if power > -150:  # below, the variance itself has few digits
+        np.testing.assert_allclose(
+            variance / 10.0**power / 10.0**power, gmwm.wavelet_variance(x, rate=100.0, robust=True).variance, rtol=0.3
+        )

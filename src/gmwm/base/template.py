@@ -168,6 +168,17 @@ def shell_option(argument: str) -> str:
     return _SHELL_OPTIONS.get(argument, f"--{argument.replace('_', '-')}")
 
 
+def shell_word(text: str) -> str:
+    """Return a text as one word of a command, with double quotes, which every shell and cmd understand. A text with
+    characters that are special within double quotes has single quotes, as in sh.
+
+    >>> print(shell_word("GM + WN"), shell_word("static.csv"), shell_word('$x "y"'))
+    "GM + WN" static.csv '$x "y"'
+    """
+    quoted = shlex.quote(text)
+    return f'"{text}"' if quoted == f"'{text}'" and not re.search(r'["$`\\!]', text) else quoted
+
+
 def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Mapping[str, str]) -> str:
     """Format an option with its value for Python or the shell."""
     name, equals, value = text.partition("=")
@@ -187,7 +198,7 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Map
     literal = fact if isinstance(fact, str) else value
     if not python:
         pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal
-        return f"{shell} {shlex.quote(pairs_of_shell)}"
+        return f"{shell} {shell_word(pairs_of_shell)}"
     if name in _MAPPINGS and ":" in literal:
         pairs = (pair.partition(":") for pair in literal.split(","))
         return f"{name}={ {key: _python_value(other) for key, _, other in pairs} }"

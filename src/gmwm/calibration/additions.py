@@ -82,7 +82,8 @@ class RecordingAddition:
         Parameters
         ----------
         signals : mapping of axis to Signal
-            Isolated wrong samples and knocks are replaced, and the effect of conditions is removed.
+            Isolated wrong samples and knocks are replaced, the effect of conditions is removed, and short gaps are
+            filled.
         threads : int, optional
             Number of axes that are processed at the same time.
         """

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple, TypeVar
 from gmwm.base.atomic_files import read_json
 from gmwm.base.documents import plain
 from gmwm.base.errors import ReadError
-from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.kinds import Document, field_types, require_kinds
 from gmwm.base.remarks import Remark
+from gmwm.base.schema import DIALECT, Schemas
 from gmwm.base.text import with_article
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.options import AGAIN, CalibrationOptions
@@ -71,6 +72,33 @@ def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
         value = axis.additions.get(addition.name)
         content[addition.name] = None if value is None else addition.to_dict(value)
     return content
+
+
+def calibration_schema() -> dict[str, Any]:
+    """Return the JSON Schema of the document; see `Calibration.schema`."""
+    infinite = {"enum": list(_NUMBERS)}
+    schemas = Schemas({"anyOf": [{"type": "number"}, infinite]})
+    types, parts = field_types(AxisCalibration), {part.key: part for part in _AXIS_PARTS}
+    axis = {key: schemas.of(types[part.name]) for key, part in parts.items()}
+    remarks = schemas.of(tuple[Remark, ...])
+    properties = {
+        "format": {"const": FORMAT}, "version": {"const": VERSION}, "gmwm": {"type": "string"},
+        "source": {"type": "string"}, "settings": {"type": "object"},
+        "axes": {
+            "type": "object", "minProperties": 1,
+            "additionalProperties": {
+                "type": "object", "properties": axis | {"ranking": {"type": "object"}},
+                "required": [key for key, part in parts.items() if not part.later],
+            },
+        },
+        "failed": {"type": "object", "additionalProperties": {"type": "string"}}, "recording_remarks": remarks,
+        "verdict": schemas.of(Remark), "use": {"type": "object"}, "remarks": remarks,
+        "recording": schemas.of(Recording | None), "recordings": schemas.of(Mapping[str, Recording]),
+    }  # fmt: skip
+    return {
+        "$schema": DIALECT, "title": FORMAT, "type": "object", "properties": properties,
+        "required": ["format", "version", *_PARTS], "$defs": schemas.by_name,
+    }  # fmt: skip
 
 
 def calibration(content: Any) -> Calibration:

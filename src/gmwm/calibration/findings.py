@@ -53,8 +53,8 @@ LARGE_MISFIT = 1.5
 """Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
 describe the data (tests/calibration/test_misfit.py)."""
 
-SMALL_OUTLIER_SHARE = 0.02
-"""Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 1 % too large."""
+SMALL_OUTLIER_SHARE = 0.01
+"""Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
@@ -262,8 +262,9 @@ def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibratio
     if white is not None and white.value > 0:
         share = replaced.left / wv.samples / (white.value**2 * wv.rate)
         percent = 100 * (1 - math.sqrt(max(1 - share, 0.0)))
-        # The interval ends two standard errors above N; a bias of less than one error is within it.
-        error = 0.0 if white.high is None else 50 * (white.high / white.value - 1)
+        # The interval ends two standard errors from N; a bias of less than one error is within it.
+        ends = (white.low, white.high)
+        error = min(0.0 if end is None else 50 * abs(end / white.value - 1) for end in ends)
         if share > SMALL_OUTLIER_SHARE and percent > error:
             yield Remark.of("outliers-found", axis, case="small", count=replaced.spikes, share=percent, numbers=("N",))
     if replaced.spikes:

@@ -8,9 +8,6 @@ from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads
@@ -22,7 +19,8 @@ from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, show_batches, unit_of
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Batches, Streamed, end_to_end, feed, part_of
+from gmwm.recording.batches import Batch, Batches, Streamed, end_to_end, feed, join_batches, part_of
+from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.recording.signals import Imu, Signal
 
@@ -92,7 +90,7 @@ class AxisAccumulator:
         self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
         self._replaced = Replaced()
         self._reach, self._keep = beginning, keep
-        self._samples: list[Vector] = []
+        self._samples: list[tuple[Signal, bool]] = []
 
     def clean(self, signal: Signal) -> Signal:
         """Return a batch with its isolated wrong samples and knocks replaced, and count them. Pulses of noise with two
@@ -102,8 +100,6 @@ class AxisAccumulator:
             self._replaced += result.replaced
             signal = result.signal
         self._keep_beginning(signal)
-        if self._keep:
-            self._samples.append(signal.values)
         return signal
 
     def _keep_beginning(self, signal: Signal) -> None:
@@ -118,13 +114,16 @@ class AxisAccumulator:
             first = replace(first, values=first.values.copy())
         self.beginning = first
 
-    def samples(self) -> Vector:
-        """Return the samples that were kept, and free their memory."""
+    def samples(self) -> Signal:
+        """Return the samples that were kept, with short gaps filled, and free their memory."""
         parts, self._samples = self._samples, []
-        return parts[0] if len(parts) == 1 else freeze(np.concatenate(parts))
+        signals, continues = zip(*parts, strict=True)
+        return signals[0] if len(signals) == 1 else end_to_end(signals, continues)
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add a batch of the first pass. `continues` says whether it follows the previous batch without a gap."""
+        if self._keep:
+            self._samples.append((signal, continues))
         if self.curves is not None:
             self.curves.update(signal, continues)
         for accumulator in (self._screening, self._spectrum):
@@ -172,7 +171,7 @@ def read_recording(
     )
     curves = {axis: item.curves for axis, item in accumulators.items() if item.curves is not None}
     inspection = _inspect(batches, inspector, curves, run.threads, conditions=conditions)
-    return Passes(accumulators, inspection, _findings(recording, accumulators, run.threads))
+    return Passes(accumulators, inspection, _findings(batches, accumulators, run.threads, conditions=conditions))
 
 
 def curves_and_inspection(
@@ -241,13 +240,20 @@ def _inspect(
 
 
 def _findings(
-    recording: Imu | Streamed, accumulators: Mapping[str, AxisAccumulator], threads: int | None
+    batches: Batches, accumulators: Mapping[str, AxisAccumulator], threads: int | None, *, conditions: Conditions
 ) -> tuple[object, ...]:
     """Return the findings of the additions about a recording in memory, in the order of `recording_additions`."""
-    needed = [isinstance(recording, Imu) and addition.needs(list(accumulators)) for addition in recording_additions()]
-    if not isinstance(recording, Imu) or not any(needed):
+    in_memory = isinstance(batches.recording, Imu)
+    needed = [in_memory and addition.needs(list(accumulators)) for addition in recording_additions()]
+    if not any(needed):
         return ()
-    samples = {axis: replace(recording.signals[axis], values=item.samples()) for axis, item in accumulators.items()}
+    samples = {axis: item.samples() for axis, item in accumulators.items()}
+    if len({signal.segments for signal in samples.values()}) > 1:
+        # A sensor restarted at a gap that was filled on the axes of other sensors. Now, all axes are split there.
+        with_gaps = join_batches([conditions.batch(batch) for batch in batches]).signals
+        samples = fill_gaps({
+            axis: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]) for axis, item in accumulators.items()
+        })  # fmt: skip
     return tuple(
         addition.of_recording(samples, threads=threads) if need else None
         for addition, need in zip(recording_additions(), needed, strict=True)

@@ -345,6 +345,13 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
 
         return document(self)
 
+    @staticmethod
+    def schema() -> dict[str, Any]:
+        """Return the JSON Schema (draft 2020-12) of calibration.json and of `to_dict`, for programs that read them."""
+        from gmwm.calibration.document import calibration_schema
+
+        return calibration_schema()
+
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Calibration:
         """Restore a calibration from the result of `to_dict`.

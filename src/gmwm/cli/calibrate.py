@@ -62,8 +62,8 @@ EXAMPLES = (
     "gmwm calibrate monday.csv tuesday.csv wednesday.csv --output results",
     "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
     "gmwm calibrate static.csv --against temperature:2,lag --output results",
-    "gmwm calibrate static.csv --model gyro='2*GM + WN' --output results",
-    "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes",
+    'gmwm calibrate static.csv --model gyro="2*GM + WN" --output results',
+    'gmwm calibrate static.csv --axis gyro --within "2*GM + WN + RW" --robust yes',
 )
 
 Outliers = Annotated[

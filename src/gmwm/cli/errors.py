@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from gmwm.base.errors import GmwmError
+from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.helpers import end_helpers
 from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line
@@ -48,6 +48,7 @@ class OneLineErrors(TyperGroup):
         Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one
         recording."""
         try:
+            _require_address_space()
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
             if code == INTERRUPTED:
@@ -71,6 +72,21 @@ class OneLineErrors(TyperGroup):
         except (typer.Abort, KeyboardInterrupt):
             code = _print_end("interrupted", INTERRUPTED)
         sys.exit(code if isinstance(code, int) else OK)
+
+
+def _require_address_space() -> None:
+    """Raise an error if the process may not reserve the memory that Polars needs at least; it would abort later."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    # With 2 GB, a table of 12 000 rows is read, with a warning for each thread that cannot start.
+    if allowed != resource.RLIM_INFINITY and allowed < 3 << 30:
+        raise OptionError(
+            f"the address space is limited to {allowed / 2**30:.2f} GiB, and gmwm reserves 3 GiB, which it mostly does "
+            "not use", advice="Lift the limit: `ulimit -v unlimited`.",
+        )  # fmt: skip
 
 
 def _print_end(word: str, code: int) -> int:

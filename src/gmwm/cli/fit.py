@@ -60,13 +60,13 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.view import UnitSystem, ViewName
 
 EXAMPLES = (
-    "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
-    "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
-    "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
-    "gmwm fit monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
-    "gmwm fit turn.csv --model WN --conditions rates.csv --varies 'WN: 1 + rate**2'",
-    "gmwm fit warm.csv --axis gyro_x --model 'GM + WN' --conditions temperature.csv --varies 'GM.beta: celsius'",
-    "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
+    'gmwm fit static.csv --model "2*GM + WN + QN + RW" --output results',
+    'gmwm fit static.csv --axis gyro_y --model "GM + WN" --plot fit.png',
+    'gmwm fit static.csv --axis gyro_x --model "GM + WN + RW" --likelihood',
+    'gmwm fit monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
+    'gmwm fit turn.csv --model WN --conditions rates.csv --varies "WN: 1 + rate**2"',
+    'gmwm fit warm.csv --axis gyro_x --model "GM + WN" --conditions temperature.csv --varies "GM.beta: celsius"',
+    'gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model "WN + RW"',
 )
 _PROCESSES = ", ".join(
     [f"{name} {process.title}" for name, process in registry.items()]

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",
-    "gmwm fleet recordings --pattern '*.csv' --units gyro=deg/s --output results",
+    'gmwm fleet recordings --pattern "*.csv" --units gyro=deg/s --output results',
     "gmwm fleet /shared/lot7 --scheduler tcp://10.0.0.5:8786 --output results",
 )
 

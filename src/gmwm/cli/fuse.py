@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm fuse array.csv --output virtual.csv --plot virtual.png",
     "gmwm fuse imu0.csv imu1.csv imu2.csv --horizon 10s --plot virtual.png",
+    "gmwm fuse array.csv --horizon 1s-10min --json",
     "gmwm fuse static.csv --horizon 60s --apply drive.csv --output fused.csv",
 )
 
@@ -42,7 +44,8 @@ def fuse(
         str | None,
         typer.Option(
             help="Use constant weights that minimize the wavelet variance at this scale, such as 60s, 10min or a "
-            "number of seconds. Default: use a Kalman filter.",
+            "number of seconds; over a range of scales, such as 1s-10min; or for the slowest noise of a model, inf. "
+            "Default: use a Kalman filter.",
             metavar="LENGTH",
         ),
     ] = None,
@@ -82,11 +85,11 @@ def fuse(
     """
     from gmwm.applications.several import fuse
 
-    seconds = None if horizon is None else parse_length(horizon, "horizon")
+    scales = None if horizon is None else _scales(horizon)
     units = _load(files, reading, axis)
     tell_inspection(next(iter(units.values())))
     with progress("measuring"):
-        virtual = fuse(units, horizon=seconds, model=model, nonnegative=nonnegative)
+        virtual = fuse(units, horizon=scales, model=model, nonnegative=nonnegative)
     new = [] if csv is None else [text_file(csv, virtual.to_polars().write_csv())]
     if apply and output is None:
         raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])
@@ -99,6 +102,18 @@ def fuse(
         command="fuse", document={"files": list(map(str, files)), **virtual.to_dict()},
         text=virtual.summary(Dialect.SHELL), files=(*new, *plot_file(plot, lambda path: virtual.plot(path=path))),
     )  # fmt: skip
+
+
+def _scales(text: str) -> float | tuple[float, float]:
+    """Parse a scale, or a range of scales.
+
+    >>> _scales("60s"), _scales("1s-10min"), _scales("inf")
+    (60.0, (1.0, 600.0), inf)
+    """
+    low, dash, high = text.partition("-")
+    if dash:
+        return parse_length(low, "horizon"), parse_length(high, "horizon")
+    return math.inf if text == "inf" else parse_length(text, "horizon")
 
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:

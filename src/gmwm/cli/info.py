@@ -41,7 +41,12 @@ def info(
             "each term of the noise model."
         ),
     ] = None,
-    plot: Annotated[Path | None, ResultOption(help="Plot all axes over time to this .png, .pdf or .svg file.")] = None,
+    plot: Annotated[
+        Path | None,
+        ResultOption(
+            help="Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file."
+        ),
+    ] = None,
 ) -> Outcome:
     """Inspect a recording, and report whether it can be used for a calibration.
 
@@ -67,7 +72,8 @@ def info(
     return Outcome(
         command="info", document=document, text=text(inspection, Dialect.SHELL) + below,
         all_text=text(inspection, Dialect.SHELL, every=True) + below,
-        files=plot_file(plot, lambda path: recording.plot(path=path)) if isinstance(recording, Imu) else (),
+        files=plot_file(plot, lambda path: recording.plot(inspection=inspection, path=path))
+        if isinstance(recording, Imu) else (),
     )  # fmt: skip
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     pass
 
 EXAMPLES = (
-    "gmwm joint static.csv --axis gyro --model 'shared(RW) + WN'",
-    "gmwm joint static.csv --model 'common(GM) + RW + WN' --plot joint.png",
+    'gmwm joint static.csv --axis gyro --model "shared(RW) + WN"',
+    'gmwm joint static.csv --model "common(GM) + RW + WN" --plot joint.png',
 )
 
 

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
 
 EXAMPLES = (
-    "gmwm plan 'GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
+    'gmwm plan "GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)" --rate 100 --duration 2h',
     "gmwm plan --from-fits fits.json --axis gyro_x --duration 1d --accuracy 5%",
-    "gmwm plan --from 'gyro: N=0.15deg/√h, K=2deg/h/√h' --rate 100 --duration 2h",
+    'gmwm plan --from "gyro: N=0.15deg/√h, K=2deg/h/√h" --rate 100 --duration 2h',
 )
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 File = Annotated[
     Path,
     typer.Argument(
-        help="Recording in any supported format; or a pattern in quotes, such as 'hour_*.csv', for files that continue "
+        help='Recording in any supported format; or a pattern in quotes, such as "hour_*.csv", for files that continue '
         "one another.",
         metavar="FILE",
     ),
@@ -32,7 +32,7 @@ File = Annotated[
 Files = Annotated[
     list[Path],
     typer.Argument(
-        help="Recording in any supported format; or a pattern in quotes, such as 'hour_*.csv', for files that continue "
+        help='Recording in any supported format; or a pattern in quotes, such as "hour_*.csv", for files that continue '
         "one another. If several recordings are given, they must be of one unit, and one model is fitted to all of "
         "them. Their lengths may differ.",
         metavar="FILE…",

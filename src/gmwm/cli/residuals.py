@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from gmwm.recording.signals import Signal
 
 EXAMPLES = (
-    "gmwm residuals static.csv --model 'GM + WN + RW'",
-    "gmwm residuals static.csv --model 'GM + WN' --ml --axis gyro_y --plot res.png",
+    'gmwm residuals static.csv --model "GM + WN + RW"',
+    'gmwm residuals static.csv --model "GM + WN" --ml --axis gyro_y --plot res.png',
     "gmwm residuals static.csv --from-fits results/calibration.json --json",
 )
 

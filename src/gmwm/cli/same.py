@@ -18,7 +18,7 @@ from gmwm.recording.options import ReadOptions
 EXAMPLES = (
     "gmwm same monday.csv tuesday.csv",
     "gmwm same monday.csv tuesday.csv --axis gyro --tolerance 0.1",
-    "gmwm same monday.csv tuesday.csv --axis gyro_x --model 'WN + RW'",
+    'gmwm same monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
 )
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
-    "gmwm select static.csv --axis gyro_y --within '3*GM + WN + QN + RW'",
+    'gmwm select static.csv --axis gyro_y --within "3*GM + WN + QN + RW"',
     "gmwm select static.csv --axis gyro_y --plot ranking.png",
     "gmwm select monday.csv tuesday.csv wednesday.csv --axis gyro_y",
     "gmwm select static.csv --output results --json",

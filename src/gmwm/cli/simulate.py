@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
-    "gmwm simulate --model 'gyro=WN(sigma2=4e-8)' --duration 10min -o gyro.parquet",
+    'gmwm simulate --model "gyro=WN(sigma2=4e-8)" --duration 10min -o gyro.parquet',
     "gmwm simulate --reference --duration 10min -o imu.csv --components parts.csv",
-    "gmwm simulate --from 'gyro: N=2deg/√h' --rate 200 --duration 1h -o gyro.csv",
+    'gmwm simulate --from "gyro: N=2deg/√h" --rate 200 --duration 1h -o gyro.csv',
 )
 
 

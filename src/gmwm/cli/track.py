@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from gmwm.recording.signals import Signal
 
 EXAMPLES = (
-    "gmwm track static.csv --model 'GM + WN + RW' --axis gyro --output bias.csv",
+    'gmwm track static.csv --model "GM + WN + RW" --axis gyro --output bias.csv',
     "gmwm track static.csv --from-fits fits.json --axis gyro_y --plot bias.png",
-    "gmwm track static.csv --model 'WN + RW' --axis gyro_x --predict 10min",
+    'gmwm track static.csv --model "WN + RW" --axis gyro_x --predict 10min',
 )
 
 

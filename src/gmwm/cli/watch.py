@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm watch log.csv --axis gyro",
-    "gmwm watch log.csv --model 'GM + WN' --axis gyro_x --accuracy 10%",
+    'gmwm watch log.csv --model "GM + WN" --axis gyro_x --accuracy 10%',
     "logger | gmwm watch - --rate 200 --units gyro=deg/s --columns gyro_x,gyro_y",
 )
 

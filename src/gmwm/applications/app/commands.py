@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from gmwm.applications.app.session import EMPTY, Session
+from gmwm.base.template import shell_word
 from gmwm.files.readers.streams import is_large
 
 FOLDER = "results"
@@ -37,7 +37,7 @@ def shell_lines(session: Session) -> list[str]:
     if session.horizon != EMPTY.horizon:
         export += ["--horizon", f"{number(session.horizon)}s"]
     export += ["--output", file_name(session)]
-    return [shlex.join(calibrate), shlex.join(export)]
+    return [" ".join(map(shell_word, words)) for words in (calibrate, export)]
 
 
 def python_lines(session: Session) -> list[str]:

@@ -13,13 +13,16 @@ from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.jobs import Job, Jobs
 from gmwm.applications.app.overview import overview
 from gmwm.applications.app.session import Session
+from gmwm.base.axis_names import by_sensor, sensor_of
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
+from gmwm.base.threads import in_threads
 from gmwm.calibration.calibrate_axis import choose_model, final_fit, given_fit
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.passes import Execution
 from gmwm.choosing.selection.search import ModelChoice
+from gmwm.choosing.selection.shared_form import with_shared_form
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import inspect
@@ -129,14 +132,36 @@ class Workspace:
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=64)
 
     def search(self, session: Session, axis: str) -> Job:
-        """Search for the model of an axis like `gmwm calibrate`."""
-        options = replace(session.calibration, models={})
+        """Search for the model of an axis like `gmwm calibrate`, with the form that the axes of its sensor share."""
 
         def work(job: Job) -> ModelChoice:
-            measured = self._axis(session, axis, job)
-            return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
+            self._axis(session, axis, job)
+            choice: ModelChoice | GmwmError = self._choices(session, sensor_of(axis)).result_for(job)[axis]
+            if isinstance(choice, GmwmError):
+                raise choice
+            return choice
 
         return self.jobs.ask("search", self._axis_key(session, axis), f"Comparing models of {axis}", work, kept=12)
+
+    def _choices(self, session: Session, sensor: str) -> Job:
+        """Search for the models of the axes of a sensor; an axis without a model has an error."""
+        options = replace(session.calibration, models={})
+
+        def choose(measured: MeasuredAxis | GmwmError, job: Job) -> ModelChoice | GmwmError:
+            try:
+                if isinstance(measured, GmwmError):
+                    return measured
+                return choose_model(measured.curve(options), measured.spectrum, options, check=job.check)
+            except GmwmError as error:
+                return error
+
+        def work(job: Job) -> dict[str, ModelChoice | GmwmError]:
+            axes = by_sensor(self.data(session).result_for(job))[sensor]
+            results = in_threads(lambda _, measured: choose(measured, job), axes)
+            choices = {axis: choice for axis, choice in results.items() if not isinstance(choice, GmwmError)}
+            return results | with_shared_form(choices)
+
+        return self.jobs.ask("choices", self._axis_key(session, sensor), "Comparing models", work, kept=4)
 
     def calibration(self, session: Session) -> Job:
         """Calibrate all axes like `gmwm calibrate`."""

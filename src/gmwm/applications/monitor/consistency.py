@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -114,26 +114,29 @@ def consistency(
     for axis in both:
         signal = recording[axis].fill_gaps()
         try:
-            model = filter_model(calibration, axis, signal, filter)
+            model, limits = filter_model(calibration, axis, signal, filter)
             errors = _Innovations.of(model, signal, samples_in(times[-1], signal.rate))
         except (DataError, OptionError) as error:
             raise error.at(axis) from error
-        axes[axis] = _axis_consistency(axis, signal, model, errors=errors, times=times, level=level)
+        measured = _axis_consistency(axis, signal, model, errors=errors, times=times, level=level)
+        axes[axis] = replace(measured, limits=limits)
     first = recording[both[0]]
     return Consistency(axes=axes, filter=filter, duration=first.duration, rate=first.rate, level=level)
 
 
-def filter_model(calibration: Mapping[str, Any], axis: str, signal: Signal, filter: FilterName) -> Model:
-    """Return the noise model of a filter of an axis, per sample of the signal."""
+def filter_model(
+    calibration: Mapping[str, Any], axis: str, signal: Signal, filter: FilterName
+) -> tuple[Model, tuple[str, ...]]:
+    """Return the noise model of a filter of an axis, per sample of the signal, and which of its numbers are limits."""
     item = calibration[axis]
     if not isinstance(item, Fit):
         model = as_model(item)
         if filter == "N, sigma, T":
             raise OptionError(argument="filter", expected="'N, K' or 'model', because a Model has no fit", got=filter)
         if filter == "model":
-            return model
+            return model, ()
         numbers = filter_numbers(model.processes, signal.rate)
-        return _two_numbers(numbers.N, numbers.K, signal.rate)
+        return _two_numbers(numbers.N, numbers.K, signal.rate), ()
     unit = item.wavelet_variance.unit
     if unit and signal.unit and unit != signal.unit:
         raise DataError(
@@ -141,15 +144,16 @@ def filter_model(calibration: Mapping[str, Any], axis: str, signal: Signal, filt
         )
     if filter == "model":
         check_rate(signal.rate, item.wavelet_variance.rate)
-        return item.model
+        return item.model, ()
     entries: Mapping[str, Entry] = {}
     if isinstance(calibration, Calibration):
         entries = calibration.datasheets[axis]
     if not {"N", "K"} <= set(entries):
         entries = effective_noise(item)
     white, walk = (_value(entries[symbol], unit, power) for symbol, power in (("N", 0.5), ("K", -0.5)))
+    limits = tuple(symbol for symbol, number in (("N", white), ("K", walk)) if number.upper)
     if filter == "N, K":
-        return _two_numbers(white.value, walk.value, signal.rate)
+        return _two_numbers(white.value, walk.value, signal.rate), limits
     noise = AxisNoise(axis, item, N=white, K=walk, B=Number(0.0, False), use=Use())
     longest = max(
         min(LONGEST_AVERAGING_S, item.wavelet_variance.samples / item.wavelet_variance.rate),
@@ -157,7 +161,7 @@ def filter_model(calibration: Mapping[str, Any], axis: str, signal: Signal, filt
     )
     bias = biases([noise], DEFAULT_HORIZON_S, longest, common=False)[axis]
     state = GM(beta=1 / bias.time, sigma2=bias.sigma.value**2)
-    return Model((WN(sigma2=bias.N.value**2 * signal.rate), state))
+    return Model((WN(sigma2=bias.N.value**2 * signal.rate), state)), limits
 
 
 def _value(entry: Entry, unit: str, power: float) -> Number:
@@ -216,8 +220,9 @@ class _Innovations:
         size = float(np.linalg.norm(weights))
         collected = []
         for part in self.parts:
-            # While the gain falls as 1/t, it changes the error of a horizon by less than 10 % after 10 horizons.
-            start = round(min(10.0 * samples, self.settled))
+            # While the gain falls as 1/t, the error differs by less than 5 % from that of a constant gain after three
+            # horizons (tests/monitor/test_consistency.py).
+            start = round(min(3.0 * samples, self.settled))
             count = (part.size - start) // samples - 1
             if count < 1:
                 continue
@@ -246,8 +251,8 @@ def _prediction(innovations: _Innovations, samples: int, rate: float, level: flo
     from scipy.stats import chi2
 
     claimed, errors = innovations.errors(samples)
-    # Eight horizons, without overlap, are the fewest from which an error is estimated.
-    if errors.size < 8 * min(4, samples):
+    # Five horizons, without overlap, are the fewest from which an error is estimated.
+    if errors.size < 5 * min(4, samples):
         return PredictionError(
             horizon=samples / rate, claimed=claimed, real=math.nan, low=0.0, high=math.inf, independent=0.0
         )
@@ -268,7 +273,7 @@ def _axis_consistency(
     octaves = [2**k for k in range(1 + int(math.log2(max(counts))))]
     by_samples = {n: _prediction(errors, n, signal.rate, level) for n in {*counts, *octaves}}
     if math.isnan(by_samples[1].real):
-        raise DataError("the recording has fewer than 8 samples after the filter has settled", argument="recording")
+        raise DataError("the recording has fewer than 5 samples after the filter has settled", argument="recording")
     single = by_samples[1]
     band = tuple(
         float(chi2.ppf(p, single.independent)) / single.independent for p in ((1 - level) / 2, (1 + level) / 2)

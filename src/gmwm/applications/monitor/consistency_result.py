@@ -92,6 +92,8 @@ class AxisConsistency:
         The errors at the horizons of the verdict.
     curve : tuple of PredictionError
         The errors at horizons of 1, 2, 4, … samples, for the plot.
+    limits : tuple of str
+        Numbers of the filter that are upper limits, such as "K". A filter with a limit is cautious.
     """
 
     axis: str
@@ -102,6 +104,7 @@ class AxisConsistency:
     correlation: float
     errors: tuple[PredictionError, ...]
     curve: tuple[PredictionError, ...]
+    limits: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -128,9 +131,8 @@ class AxisConsistency:
         worst = max(errors, key=lambda error: abs(math.log(error.ratio)))
         claim = f"over {duration_text(worst.horizon)}, it claims {worst.ratio:.2f} ({worst.low:.2f} … {worst.high:.2f})"
         if verdict == "cautious":
-            return (
-                f"{self.axis} is cautious at {at}: {claim} times the error that it makes. A smaller N or K is enough."
-            )
+            cause = f"{' and '.join(self.limits)} is an upper limit." if self.limits else "A smaller N or K is enough."
+            return f"{self.axis} is cautious at {at}: {claim} times its error. {cause}"
         return (
             f"{self.axis} is overconfident at {at}: {claim} of its error. An inflation of "
             f"{math.ceil(100 * self.inflation) / 100:g} is enough."
@@ -138,7 +140,7 @@ class AxisConsistency:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the errors as plain values for JSON."""
-        facts = plain_fields(self, "unit model nis nis_band correlation verdict inflation errors curve")
+        facts = plain_fields(self, "unit model limits nis nis_band correlation verdict inflation errors curve")
         return {**facts, "reason": self.reason()}
 
 
@@ -177,14 +179,17 @@ class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
         """Return one line for each axis, and the reason of each axis whose filter is not consistent."""
         share, kind = f"{100 * self.level:g} %", "the whole model" if self.filter == "model" else self.filter
         results = list(self.values())
-        count = sum(result.verdict == "consistent" for result in results)
+        count, over = (
+            sum(result.verdict == verdict for result in results) for verdict in ("consistent", "overconfident")
+        )
         rows = [["", "", *(duration_text(error.horizon) for error in results[0].errors), "NIS", "its band", "r₁"]]
         for axis, result in self.items():
             low, high = result.nis_band
             cells = [axis, MARKS[result.verdict], *map(_ratio, result.errors), f"{result.nis:.3f}"]
             rows.append([*cells, f"{low:.3f} … {high:.3f}", f"{result.correlation:+.2f}"])
         lines = [
-            f"Filters with {kind}: consistent on {count} of {len(self)} axes in {duration_text(self.duration)}.",
+            f"Filters with {kind}: consistent on {count} of {len(self)} axes, overconfident on {over}, in "
+            f"{duration_text(self.duration)}.",
             f"Claimed over real error of the mean over the next T ({share} interval); ✓ is 0.8 to 1.3:",
             *align(rows, right=range(2, len(rows[0]))),
             *(result.reason() for result in results if result.verdict != "consistent"),

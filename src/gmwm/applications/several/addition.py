@@ -25,7 +25,7 @@ class SharedNoiseAddition(RecordingAddition):
 
     def of_recording(self, signals: Mapping[str, Signal], *, threads: int | None = None) -> tuple[SharedNoise, ...]:
         """Test all pairs of axes."""
-        return shared_noise(signals, threads=threads)
+        return shared_noise(signals, threads=threads, fill=False)
 
     def remarks(self, finding: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
         """Yield one remark if any of these axes share noise at this significance level. Axes with remaining motion or

@@ -23,14 +23,15 @@ MOST_BLOCK_MEANS = 1 << 20
 
 
 def shared_noise(
-    signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None
+    signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None, fill: bool = True
 ) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value. Of more than
     `MOST_BLOCK_MEANS` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
     finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
-    correlated at the largest scales. Axes without noise at some scale are left out."""
+    correlated at the largest scales. Axes without noise at some scale are left out. With `fill`, short gaps are filled
+    first."""
     try:
-        filled = synchronous_signals(signals, None)
+        filled = synchronous_signals(signals, None, fill=fill)
         k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
         means = in_threads(lambda _, signal: _detrend(block_means(signal, k)), filled, threads=threads)
         curves = in_threads(lambda _, signal: measure(signal, False, 0.6), means, threads=threads)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,13 +26,15 @@ from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 
+Horizon: TypeAlias = float | tuple[float, float]
+"""Scale (s), or lowest and highest scale of a range."""
 SPARE_FREEDOM = 2.0
 """Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 
 
 def fuse(
     x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None, *,
-    horizon: float | None = None, model: ModelLike | None = None, nonnegative: bool = False,
+    horizon: Horizon | None = None, model: ModelLike | None = None, nonnegative: bool = False,
 ) -> VirtualSensor:  # fmt: skip
     """Fuse an array of sensors of the same type into one virtual sensor with less noise.
 
@@ -49,6 +52,11 @@ def fuse(
     two nearest levels. Unlike weights by inverse variances, these weights take into account noise that the sensors
     share.
 
+    With a range of scales, `horizon=(1.0, 600.0)`, Γ̂ is the sum of the matrices at the levels in the range, each
+    divided by the wavelet variance of the average of all signals at its level. The weights therefore minimise the mean
+    of the squared inverse gain over the average. `horizon=inf` with a `model` minimises the random walk of the fused
+    signal (Vaccaro and Zaki 2017).
+
     Weights that are estimated from a recording fit the noise of this recording, so the weighted sum has less noise in
     it than in other recordings. The attribute `variance` is corrected for this. If Γ̂ has η degrees of freedom, the
     expected variance wᵀ Γ̂ w at the scale of the weights is (η − d + 1)/η · (η − d)/(η − 1) times the variance in other
@@ -63,8 +71,9 @@ def fuse(
         belong to one axis. Arrays of the axes of an IMU are in rad/s and m/s².
     rate : float
         Sampling rate (Hz); only for plain arrays.
-    horizon : float, optional
-        Scale (s) at which static weights minimise the wavelet variance. By default, a Kalman filter is used.
+    horizon : float, or (float, float), optional
+        Scale (s), or lowest and highest scale of a range, at which static weights minimise the wavelet variance; inf
+        for the slowest noise of a `model`. By default, a Kalman filter is used.
     model : str, optional
         Joint model of the noise, such as "WN + shared(RW)". By default, a Kalman filter uses the model WN + RW + k·GM
         with all terms shared and the smallest k for which it fits. Static weights use the measured covariance matrices
@@ -101,9 +110,7 @@ def fuse(
     (array([ 0.68,  0.37, -0.05]), '1.39')
     """
     if horizon is not None:
-        if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < np.inf:
-            raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
-        horizon = float(horizon)
+        horizon = _checked(horizon, model)
     elif nonnegative:
         raise OptionError(argument="nonnegative", expected="given with {--horizon}", got=nonnegative)
     virtual = {}
@@ -116,24 +123,43 @@ def fuse(
     return VirtualSensor(axes=virtual, horizon=horizon)
 
 
+def _checked(horizon: Horizon, model: ModelLike | None) -> Horizon:
+    """Return the scale or the range of scales of the weights as numbers."""
+    ends = horizon if isinstance(horizon, tuple) else (horizon,)
+    numbers = all(isinstance(end, int | float) and not isinstance(end, bool) and end > 0 for end in ends)
+    ordered = numbers and (not isinstance(horizon, tuple) or (len(ends) == 2 and ends[0] < ends[1] < np.inf))
+    if not ordered or (ends[0] == np.inf and model is None):
+        expected = "a positive time (s), a range such as (1.0, 600.0), or inf with a model"
+        raise OptionError(argument="horizon", expected=expected, got=horizon)
+    return (float(ends[0]), float(ends[1])) if len(ends) == 2 else float(ends[0])
+
+
 def _from_model(
-    axis: str, signals: Mapping[str, Signal], horizon: float | None, *, model: ModelLike | None, nonnegative: bool
+    axis: str, signals: Mapping[str, Signal], horizon: Horizon | None, *, model: ModelLike | None, nonnegative: bool
 ) -> VirtualAxis:
     """Return the Kalman filter, or the static weights, of one axis from a joint model."""
     settled = fit_array(signals, model)
     measured = settled.measured
     levels, d = measured.design.levels, len(measured.names)
     noise, scale = noise_of(settled), unit_of(settled)
-    shares = None if horizon is None else _shares(measured, horizon)
+    # At level 40, the slowest process is all of the noise.
+    places, shares = levels, np.ones(levels.size) / noise.static(np.full(d, 1 / d), levels)
+    if horizon == np.inf:
+        places, shares = np.array([40]), np.ones(1)
+    elif horizon is not None:
+        shares = _shares(measured, horizon)
+
+    def target(noise: ArrayNoise) -> Matrix:
+        shapes = np.array([process.wavelet_variance(places, noise.rate) for process in noise.processes])
+        return np.asarray(np.einsum("pj,j,pab->ab", shapes, shares, noise.sigmas))
 
     def design(noise: ArrayNoise) -> DifferenceFilter:
-        if shares is None:
+        if horizon is None:
             return noise.filter()
-        shapes = np.array([process.wavelet_variance(levels, noise.rate) for process in noise.processes])
-        weights = best_weights(np.einsum("pj,j,pab->ab", shapes, shares, noise.sigmas), nonnegative=nonnegative)
-        return DifferenceFilter.static(weights)
+        return DifferenceFilter.static(best_weights(target(noise), nonnegative=nonnegative))
 
-    filter = design(best_noise(settled))
+    best = best_noise(settled)
+    filter = design(best)
     factor = optimism(settled, design, levels)
     first = next(iter(signals.values()))
     fused = VirtualAxis(
@@ -142,14 +168,15 @@ def _from_model(
         average=scale * noise.static(np.full(d, 1 / d), levels),
         each=scale * np.array([noise.static(row, levels) for row in np.eye(d)]), measured=np.zeros(levels.size),
         optimism=factor, filter=filter if filter.C.size else None,
+        without=losses(target(best), nonnegative=nonnegative),
         model=" + ".join(map(str, settled.problem.terms)), pvalue=misfit(settled).pvalue,
     )  # fmt: skip
     own_variance = measure_variance(fused.apply(signals), levels=int(levels[-1])).variance
     return replace(fused, measured=own_variance[levels - 1])
 
 
-def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnegative: bool) -> VirtualAxis:
-    """Return the static weights of one axis for the scale `horizon`, from the measured covariance matrices."""
+def _static(axis: str, signals: Mapping[str, Signal], horizon: Horizon, *, nonnegative: bool) -> VirtualAxis:
+    """Return the static weights of one axis for the scale or range `horizon`, from the measured covariance matrices."""
     measured = wavelet_matrices(signals)
     gamma, d = measured.values, len(measured.names)
     shares = _shares(measured, horizon)
@@ -161,25 +188,45 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: float, *, nonnega
         axis=axis, members=measured.names, unit=next(iter(signals.values())).unit, weights=weights,
         levels=measured.design.levels, rate=measured.design.rate, samples=measured.design.samples,
         variance=variance * optimism, average=gamma.sum(axis=(1, 2)) / d**2, each=np.einsum("jaa->aj", gamma),
-        measured=variance, optimism=optimism,
+        measured=variance, optimism=optimism, without=losses(target, nonnegative=nonnegative),
     )  # fmt: skip
 
 
-def _shares(measured: WaveletMatrices, horizon: float) -> Vector:
-    """Return the weights (J,) of the two levels nearest to a scale, interpolated in the logarithm of the scale."""
-    at = np.log2(horizon * measured.design.rate) - measured.design.levels[0]
-    if not 0 <= at <= measured.design.levels.size - 1:
-        low, high = (duration_text(measured.tau[k]) for k in (0, -1))
-        raise OptionError(
-            f"the scale {horizon:g} s is outside the scales of the recording, {low} to {high}",
-            argument="horizon", got=horizon, advice="Choose a scale {--horizon} inside.",
-        )  # fmt: skip
-    shares = np.zeros(measured.design.levels.size)
-    k = min(int(at), shares.size - 2) if shares.size > 1 else 0
+def _shares(measured: WaveletMatrices, horizon: Horizon) -> Vector:
+    """Return the weights (J,) of the matrices: of the two levels nearest to a scale, interpolated in the logarithm of
+    the scale, or of the levels in a range, divided by the variance of the average of all signals."""
+    count = measured.design.levels.size
+    for end in horizon if isinstance(horizon, tuple) else (horizon,):
+        at = np.log2(end * measured.design.rate) - measured.design.levels[0]
+        if not -1e-9 <= at <= count - 1 + 1e-9:
+            low, high = (duration_text(measured.tau[k]) for k in (0, -1))
+            raise OptionError(
+                f"the scale {end:g} s is outside the scales of the recording, {low} to {high}",
+                argument="horizon", got=horizon, advice="Choose a scale {--horizon} inside.",
+            )  # fmt: skip
+    if isinstance(horizon, tuple):
+        inside = (measured.tau >= horizon[0] * (1 - 1e-9)) & (measured.tau <= horizon[1] * (1 + 1e-9))
+        if not np.any(inside):
+            raise OptionError(argument="horizon", expected="a range with a scale 2^j / rate", got=horizon)
+        return np.where(inside, 1 / measured.values.mean(axis=(1, 2)), 0.0)
+    shares = np.zeros(count)
+    k = min(int(at), count - 2) if count > 1 else 0
     shares[k] = 1 - (at - k)
-    if shares.size > 1:
+    if count > 1:
         shares[k + 1] = at - k
     return shares
+
+
+def losses(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
+    """Return the ratios (d,) by which the smallest deviation √(wᵀ Γ w) grows if one signal is left out."""
+
+    def least(matrix: Matrix) -> float:
+        weights = best_weights(matrix, nonnegative=nonnegative)
+        return float(weights @ matrix @ weights)
+
+    rows = range(len(gamma))
+    left = [least(np.delete(np.delete(gamma, k, axis=0), k, axis=1)) for k in rows]
+    return np.sqrt(np.array(left) / least(gamma))
 
 
 def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:

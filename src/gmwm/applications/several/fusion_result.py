@@ -62,6 +62,9 @@ class VirtualAxis:
         Wavelet variance of the fused signal in the recording itself.
     optimism : (J,) array
         Factor by which `variance` was multiplied to correct for the estimation of the weights from the same recording.
+    without : (d,) array
+        Ratio by which the smallest deviation of static weights grows if a signal is left out, at the scales of the
+        weights; with a Kalman filter, over all scales. A signal with a ratio near 1 can be left out.
     """
 
     axis: str
@@ -76,6 +79,7 @@ class VirtualAxis:
     each: Matrix
     measured: Vector
     optimism: Vector
+    without: Vector
     filter: DifferenceFilter | None = None
     model: str = ""
     pvalue: float | None = None
@@ -126,7 +130,7 @@ class VirtualAxis:
             "weights": dict(zip(self.members, self.weights.tolist(), strict=True)),
             **plain_fields(self, "model pvalue filter tau deviation"), "average": np.sqrt(self.average).tolist(),
             **plain_fields(self, "gain gain_over_best"), "measured": np.sqrt(self.measured).tolist(),
-            "optimism": self.optimism.tolist(),
+            "optimism": self.optimism.tolist(), "without": dict(zip(self.members, self.without.tolist(), strict=True)),
         }  # fmt: skip
 
 
@@ -140,12 +144,12 @@ class VirtualSensor(Summarised, Plotted, Tabular):
     ----------
     axes : mapping of axis to VirtualAxis
         The axes of the virtual sensor.
-    horizon : float or None
-        Scale (s) at which the weights minimise the wavelet variance; None for a Kalman filter.
+    horizon : float, (float, float) or None
+        Scale (s), or range of scales, at which the weights minimise the wavelet variance; None for a Kalman filter.
     """
 
     axes: Mapping[str, VirtualAxis]
-    horizon: float | None
+    horizon: float | tuple[float, float] | None
 
     def __getitem__(self, axis: str) -> VirtualAxis:
         """Return the weights and the noise of one axis."""
@@ -226,8 +230,9 @@ class VirtualSensor(Summarised, Plotted, Tabular):
         for axis, fusion in self.axes.items():
             weights = [["weight", *(name.removeprefix(axis) for name in fusion.members)]]
             weights.append(["", *(f"{weight:.3f}" for weight in fusion.weights)])
+            weights.append(["deviation without it", *(f"× {ratio:.2f}" for ratio in fusion.without)])
             places = set(range(0, fusion.tau.size, max(fusion.tau.size // 6, 1)))
-            if self.horizon is not None:
+            if isinstance(self.horizon, float) and self.horizon < np.inf:
                 places.add(int(np.argmin(np.abs(np.log(fusion.tau / self.horizon)))))
             shown = sorted(places)
             gains = [["at τ", *(duration_text(fusion.tau[k]) for k in shown)]]
@@ -240,7 +245,11 @@ class VirtualSensor(Summarised, Plotted, Tabular):
 
     @property
     def _method(self) -> str:
-        return "Kalman filter" if self.horizon is None else f"for a scale of {duration_text(self.horizon)}"
+        if self.horizon is None:
+            return "Kalman filter"
+        if isinstance(self.horizon, tuple):
+            return f"for scales of {' to '.join(map(duration_text, self.horizon))}"
+        return "for the slowest noise" if self.horizon == np.inf else f"for a scale of {duration_text(self.horizon)}"
 
     def __repr__(self) -> str:
         count = len(next(iter(self.axes.values())).members)

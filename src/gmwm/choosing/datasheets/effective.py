@@ -17,7 +17,7 @@ from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
 from gmwm.choosing.datasheets.limits import hidden
 from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import LEAST_PERIODS, FilterGain, Forecast
+from gmwm.choosing.datasheets.prediction import LEAST_PERIODS, FilterGain, FilterPrediction
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -44,7 +44,7 @@ class Use:
     def contains(self, process: Process, rate: float) -> bool:
         """Return whether the two numbers include a process: not an oscillation with a period above three horizons."""
         frequency = process.oscillation()
-        noise = process.line(rate) is None  # `Forecast` chooses among sinusoids
+        noise = process.line(rate) is None  # `FilterPrediction` chooses among sinusoids
         slow = noise and frequency is not None and frequency * self.horizon < LEAST_PERIODS
         return not slow and not (self.flicker and is_flicker(process, rate))
 
@@ -218,7 +218,7 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.rate):
             return np.zeros(2)
-        return np.array(Forecast.of([process], curve.rate, samples, ratio).error(gain))
+        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.datasheets.prediction import FilterGain, Forecast, Spectrum
+from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction, Spectrum
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
@@ -31,7 +31,7 @@ class FilterNumbers:
     gain: FilterGain
     samples: int
     rate: float
-    prediction: Forecast
+    prediction: FilterPrediction
 
 
 def samples_in(time: float, rate: float) -> int:
@@ -49,11 +49,12 @@ def filter_numbers(
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `Forecast`, also for `ratio`). The left side of the second
-    condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The code
-    uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms for
-    every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best filter
-    is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is unknown.
+    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio`). The left side of the
+    second condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The
+    code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms
+    for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = B²/(πN). If the time constant of the best
+    filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
+    unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
@@ -62,7 +63,7 @@ def filter_numbers(
     (0.0001, 1e-05)
     """
     samples = samples_in(horizon, rate)
-    prediction = Forecast.of(processes, rate, samples, ratio)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1
@@ -75,7 +76,7 @@ def filter_numbers(
     )  # fmt: skip
 
 
-def best_gain(prediction: Forecast, slowest: float = SLOWEST_FILTER_SAMPLES) -> FilterGain:
+def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMPLES) -> FilterGain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
     from scipy.optimize import brentq
 

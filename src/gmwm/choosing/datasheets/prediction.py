@@ -41,7 +41,7 @@ Spectrum = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class FilterPrediction:
     """The error with which a filter predicts the mean of the next n samples of a noise.
 
     The filter estimates the noise x by exponential smoothing, b_k = b_{k−1} + g (x_k − b_{k−1}), which is the
@@ -65,7 +65,7 @@ class Forecast:
     def of(
         cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None, *,
         lines: bool = True,
-    ) -> Forecast:  # fmt: skip
+    ) -> FilterPrediction:  # fmt: skip
         """Return the prediction of a sum of processes. `ratio` is a factor of the density of all processes at angular
         frequencies (rad per sample); `lines` includes the sinusoids with periods near the horizon. Raises
         MissingTheoryError for an unknown spectrum."""

@@ -392,15 +392,6 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
     return name
 
 
-def complexity(candidate: Candidate) -> int:
-    """Return the number of parameters, plus 2 for each term like flicker noise, whose one parameter gives a curve like
-    several Gauss-Markov processes and would often replace a single one in short recordings."""
-    return candidate.parameters + 2 * sum(
-        p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
-        for p in candidate.fit.model.processes if p.scale > 0
-    )  # fmt: skip
-
-
 def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
     """Return whether the test rejects a candidate and the best one fits much better. With weights of a candidate far
     below the data, other models can appear equally far from the data."""
@@ -418,7 +409,7 @@ def _equivalent(
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)
-    for candidate in sorted(distinct, key=lambda c: (complexity(c), level[c.structure])):
+    for candidate in sorted(distinct, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue

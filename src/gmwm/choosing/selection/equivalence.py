@@ -14,6 +14,7 @@ account that the smallest of many criteria is chosen.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -163,13 +164,14 @@ class Hypothesis:
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
-    def several(self, records: NDArray[np.int64]) -> Vector:
-        """Return an upper bound for the decrease of the criterion by two or more parameters in simulated recordings."""
+    def several(self, records: NDArray[np.int64]) -> Iterator[float]:
+        """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
-        best = [_core.nonnegative_least_squares(centre + error, columns)[1] for error in self.errors[records]]
-        return np.asarray(self.losses[records] - np.array(best) - self.least)
+        for record in records:
+            best = _core.nonnegative_least_squares(centre + self.errors[record], columns)[1]
+            yield float(self.losses[record] - best - self.least)
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
@@ -202,8 +204,15 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
     open_ones = np.flatnonzero((single < difference) & (most >= difference))
-    several = hypothesis.several(open_ones)
-    return bool(np.count_nonzero(single >= difference) + np.count_nonzero(several >= difference) > size * single.size)
+    # The recordings with the largest bounds are first, so that most answers need few of them.
+    records = open_ones[np.argsort(-most[open_ones])]
+    more, left = size * single.size - np.count_nonzero(single >= difference), records.size
+    for several in hypothesis.several(records):
+        more -= several >= difference
+        left -= 1
+        if more < 0 or left <= more:
+            break
+    return bool(more < 0)
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:

@@ -20,7 +20,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base import _core
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError, ModelError
 from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
@@ -34,8 +35,12 @@ from gmwm.choosing.selection.shape_error import (
     with_shape_error,
 )
 from gmwm.choosing.selection.structure import freedom, nested_models, without_drift, without_values
+from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import drawn_covariance
+from gmwm.fitting.estimation.weighting import precision, square_root
+from gmwm.measuring.covariance import Design
 from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.resonance import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -43,11 +48,13 @@ from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
+from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.oscillator import CRITICAL, OSC, SHARPEST
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
+from gmwm.theory.processes.walk import RW
 
 BESIDE = "4*GM + FN + RW + DR"
 """General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""
@@ -74,6 +81,9 @@ MOST_OSCILLATORS = 8
 MEMORY = 2000.0
 """An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
 frequencies."""
+LEFT = 0.1
+"""Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
+for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""
 NARROW = 0.002
 """A spectral peak that is narrower than this, relative to the sampling rate, is treated as a line. The value is half
 the width of the narrowest peak that the fitted ARMA processes can have; see `gmwm.spectrum.short_memory.POLE`."""
@@ -124,7 +134,9 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     ]
     shaped = any(isinstance(term, Lagged) for term in required)
     model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
-    if freedom(model) > len(wv):
+    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
+    fastest = wv.rate / (2 * math.pi * FAST)
+    if freedom(model) > len(wv) or not _can_oscillate(wv, choice.ranking.recommended.fit, required, fastest):
         return None
     try:
         fit = nearly_fitted(model, wv, options.weighting)
@@ -132,8 +144,6 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
         return None
     oscillator = next(process for process in fit.model.processes if process.name == OSC.name and not _is_held(process))
     bound = Distance.of(fit).surely
-    # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
-    fastest = wv.rate / (2 * math.pi * FAST)
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
         return None
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
@@ -142,6 +152,43 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     return within_family(
         family, curve, options, required=(*required, held), check=check, entered="oscillation"
     ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
+
+
+def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> bool:
+    """Return whether one oscillator of a grid, up to the frequency `fastest` (Hz), may explain the wavelet variance
+    beside any sum of smooth and required processes. Weights are those of a fit. A fit of an oscillator to a curve
+    without one takes a hundred times longer."""
+    from scipy.special import chdtri
+
+    used = usable_levels(wv)
+    design = Design.of(wv).only(used)
+    try:
+        root = square_root(precision(drawn_covariance(fit.model, design, wv.variance[used])))
+    except GmwmError:
+        return True
+    (branch,) = GM.search(wv.samples, wv.rate)
+    smooth = [(type(process), process.nonlinear[None]) for process in (WN(), QN(), RW(), *required)]
+    smooth.append((GM, branch.values(np.linspace(branch.low, branch.high, 96))))
+    octaves = np.arange(math.log2(wv.rate / wv.samples), math.log2(fastest) + 0.125, 0.125)
+    peaks = np.array([(f, q) for f in np.exp2(octaves) for q in (0.7, 1.0, 1.6, 3.0, 7.0, 20.0, 80.0)])
+    rows, oscillators = (
+        np.concatenate([kind.shape(values, design.levels, wv.rate, design.filter) for kind, values in kinds]) @ root.T
+        for kinds in (smooth, [(OSC, peaks)])
+    )
+    target = root @ wv.variance[used]
+    table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
+    least = _core.nonnegative_least_squares(target, table[:-1])[1]
+    limit = max(chdtri(target.size, REJECTED), LEFT * least)
+    for oscillator in _unit(oscillators):
+        table[-1] = oscillator
+        if _core.nonnegative_least_squares(target, table)[1] <= limit:
+            return True
+    return False
+
+
+def _unit(rows: Matrix) -> Matrix:
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows / np.where(length > 0, length, 1.0)
 
 
 def _is_held(process: Process) -> bool:

@@ -8,14 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.choosing.selection.api import REJECTED, complexity
+from gmwm.choosing.selection.api import REJECTED
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.choosing.selection.search_steps import SearchStep
-from gmwm.choosing.selection.structure import slow_terms, structure_of, within
+from gmwm.choosing.selection.structure import slow_terms
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.result import Fit
 
+SPARE = 1.0
+"""Largest increase of the criterion with which an axis accepts a model. A parameter that the axis does not need costs 2
+in the mean, so few axes get one (tests/selection/test_shared_form.py)."""
+ONE_TERM = 2
+"""Largest number of parameters that an axis gets in addition, those of one Gauss-Markov term
+(tests/selection/test_shared_form.py)."""
 GROSS = 5.0
 """Ratio of a fitted to a measured wavelet variance that the new model of an axis may exceed at no level, unless the old
 model does (tests/selection/test_shared_form.py)."""
@@ -24,10 +30,11 @@ model does (tests/selection/test_shared_form.py)."""
 def with_shared_form(choices: Mapping[str, ModelChoice]) -> dict[str, ModelChoice]:
     """Return the choices of all axes, with one form of model for most axes of each sensor.
 
-    An axis accepts a model that is equivalent to its best one, contains an equivalent one, or has no larger criterion
-    than its recommended one, if the goodness-of-fit test does not reject the model. A form replaces the recommended
-    models of the axes that accept it if they are most axes of the sensor, if their criteria together do not increase,
-    and if the axes of the sensor then have fewer different forms. The form with the fewest parameters is used.
+    An axis accepts a model whose criterion exceeds that of its recommended model by at most `SPARE`, and which has at
+    most one term more, if the goodness-of-fit test does not reject it. A stationary model does not replace one with a
+    random walk or flicker noise. A form replaces the recommended models of the axes that accept it if they are most
+    axes of the sensor, if their criteria together do not increase, and if the axes of the sensor then have fewer
+    different forms. The form with the fewest parameters is used.
     """
     shared = dict(choices)
     for sensor, of_sensor in by_sensor(choices).items():
@@ -50,7 +57,7 @@ def _shared(rankings: Mapping[str, Ranking]) -> dict[str, Candidate]:
         increase = sum(candidate.difference - recommended[axis].difference for axis, candidate in group.items())
         different = len({form, *(forms[axis] for axis in rankings if axis not in group)})
         if 2 * len(group) > len(rankings) and increase <= 0 and different < len(set(forms.values())):
-            orders.append((different, sum(map(complexity, group.values())), increase, form, group))
+            orders.append((different, sum(candidate.parameters for candidate in group.values()), increase, form, group))
     for *_, group in sorted(orders, key=lambda order: order[:4]):
         changed = {axis: candidate for axis, candidate in group.items() if candidate is not recommended[axis]}
         if not any(_is_worse(candidate, recommended[axis]) for axis, candidate in changed.items()):
@@ -59,17 +66,21 @@ def _shared(rankings: Mapping[str, Ranking]) -> dict[str, Candidate]:
 
 
 def _accepted(ranking: Ranking) -> dict[tuple[str, ...], Candidate]:
-    """Return the best candidate of each form that is as good as the recommended one, before the test of its fit."""
+    """Return the best candidate of each form that an axis accepts, before the test of its fit."""
     recommended = ranking.recommended
     accepted = {slow_terms(recommended.model): recommended}
     for candidate in ranking.distinct:
-        if (
-            candidate.equivalent
-            or candidate.difference <= recommended.difference
-            or any(within(structure_of(c.model), structure_of(candidate.model)) for c in ranking.equivalent)
-        ):
+        more = candidate.parameters - recommended.parameters
+        # A slow Gauss-Markov term instead of a random walk would make K a limit.
+        walks = _is_stationary(recommended) or not _is_stationary(candidate)
+        if candidate.difference <= recommended.difference + SPARE and more <= ONE_TERM and walks:
             accepted.setdefault(slow_terms(candidate.model), candidate)
     return accepted
+
+
+def _is_stationary(candidate: Candidate) -> bool:
+    """Return whether a candidate has no random walk, flicker noise or drift."""
+    return all(process.stationary for process in candidate.model.processes)
 
 
 def _is_worse(candidate: Candidate, recommended: Candidate) -> bool:

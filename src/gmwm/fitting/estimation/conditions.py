@@ -401,7 +401,8 @@ def _link_estimates(
     places = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
     turn = np.array([[1.0, -middle / half], [0.0, 1 / half]])
     values = turn @ [follow.a, follow.b]
-    errors = np.sqrt(np.diag(turn @ spread[np.ix_(places, places)] @ turn.T))
+    block = spread[np.ix_(places, places)]  # infinite if the term is zero
+    errors = np.sqrt(np.diag(turn @ block @ turn.T)) if np.all(np.isfinite(block)) else np.full(2, math.inf)
     return {
         f"{term}.{follow.link.name} ({name})": Estimate(float(value), float(error), signed=True)
         for name, value, error in zip("ab", values, errors, strict=True)
@@ -478,8 +479,10 @@ def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
         if (place, follow.link.name) in names:
             slope = slopes[:, names.index((place, follow.link.name))]
             columns.append(np.asarray(slope * short.each(partial(_condition, follow.u))))
+    if not columns:
+        return 1.0  # the term whose shape could change is zero
     total, rank = _misfit(constant)
-    remainder, full_rank = _misfit(constant, np.array(columns).reshape(len(columns), -1).T)
+    remainder, full_rank = _misfit(constant, np.array(columns).T)
     return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
 
 

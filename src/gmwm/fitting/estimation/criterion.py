@@ -169,7 +169,7 @@ def _of_process(
         return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
     moved = [at]
-    steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
+    steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0] if free.size else at
     for i, k in enumerate(free):
         # Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
         # ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py

@@ -106,7 +106,7 @@ def fit(
           model is correct.
         - "identity" is for comparison only. Only the largest levels count, standard errors are many times larger, and
           confidence intervals do not have their nominal coverage.
-        - An array is your own diagonal, or your own positive definite matrix.
+        - An array is your own diagonal, or your own positive definite matrix. Levels with the weight 0 are left out.
 
         With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
         wrong, neither of them is safer. MA and ARMA models need more `moments`, or `fit_ml` with this fit as its start
@@ -213,6 +213,7 @@ def fit(
     wv = measure(recordings, rate, robust, efficiency, against=against, moments=moments)
     first = None if start is None else _draws(start, wv, recordings)
     chosen = usual_weighting(terms, wv) if weighting is None else weighting
+    chosen, wv = _with_weight(chosen, wv)
     result = fit_quietly(terms, wv, chosen, certify=certify, first=first)
     for remark in result.diagnostics.remarks:
         warn(FitWarning(remark), stacklevel=2)
@@ -258,6 +259,19 @@ def _moving_condition(
     curves = {float(np.mean(c)): wv for c, wv in zip(bins.conditions, bins.curves, strict=True)}
     result = fit_conditions(model, curves, varies, weighting=_reweighted(weighting), certify=certify, bins=bins)
     return replace(result, condition=name)
+
+
+def _with_weight(weighting: Weighting, wv: WaveletVariance) -> tuple[Weighting, WaveletVariance]:
+    """Leave out the levels whose weights of the user are all zero."""
+    if isinstance(weighting, str):
+        return weighting, wv
+    matrix = np.asarray(weighting)
+    if matrix.shape not in ((len(wv),), (len(wv), len(wv))) or matrix.dtype.kind not in "iuf":
+        return weighting, wv
+    used = matrix != 0 if matrix.ndim == 1 else np.any(matrix != 0, axis=0)
+    if np.all(used) or not np.any(used):
+        return weighting, wv
+    return matrix[used] if matrix.ndim == 1 else matrix[np.ix_(used, used)], wv.only(wv.levels[used].tolist())
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:

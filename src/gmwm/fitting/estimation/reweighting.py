@@ -32,22 +32,29 @@ from gmwm.theory.processes.model import Model
 
 REWEIGHTED = ("diagonal", "optimal")
 """Weightings that depend on the estimate."""
-FIXED_POINT_TOLERANCE = 1e-11
-"""Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
-CURVE_FREEDOM = 1000.0
-"""Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
-Without the average, a level at which the model is far below the data would have a large weight. The average causes a
-relative bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are
-the degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
-coverage of their intervals.
-"""
-MIXED_ITERATIONS = 5
-"""Largest number of previous iterations that are combined into the next one."""
-SINGULAR_CUTOFF = 1e-6
-"""Relative singular value below which a direction of the combination counts as zero."""
-LONGEST_MIXED_STEP = 0.7
-"""Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
+
+@dataclass(frozen=True)
+class FixedPointLimits:
+    """Limits of the iteration of the weights (tests/estimation/test_fit_laws.py)."""
+
+    tolerance: float = 1e-11
+    """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
+    curve_freedom: float = 1000.0
+    """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance. Without the
+    average, a level at which the model is far below the data would have a large weight. The average causes a relative
+    bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are the
+    degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
+    coverage of their intervals."""
+    mixed_iterations: int = 5
+    """Largest number of previous iterations that are combined into the next one."""
+    singular_cutoff: float = 1e-6
+    """Relative singular value below which a direction of the combination counts as zero."""
+    longest_step: float = 0.7
+    """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
+
+
+LIMITS = FixedPointLimits()
 
 
 First = Callable[[Problem], Solution]
@@ -70,7 +77,7 @@ def settle(
     *,
     certify: bool,
     start: Model | None = None,
-    fixed: float = FIXED_POINT_TOLERANCE,
+    fixed: float = LIMITS.tolerance,
     first: First | None = None,
     search: bool = True,
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
@@ -131,12 +138,20 @@ def _iterate(
     """Iterate weights and estimate until the relative change of the curve is at most `fixed`, or until they diverge."""
     # Iterations in which the change must fall to a half; otherwise two estimates probably alternate.
     patience = 12
-    # Largest number of iterations, enough for `FIXED_POINT_TOLERANCE` although a weak drift only halves the change.
+    # Largest number of iterations, enough for `LIMITS.tolerance` although a weak drift only halves the change.
     rounds = 60
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
         options = np.array(
-            [CURVE_FREEDOM, fixed, LONGEST_MIXED_STEP, SINGULAR_CUTOFF, rounds, patience, MIXED_ITERATIONS],
+            [
+                LIMITS.curve_freedom,
+                fixed,
+                LIMITS.longest_step,
+                LIMITS.singular_cutoff,
+                rounds,
+                patience,
+                LIMITS.mixed_iterations,
+            ],
             dtype=np.float64,
         )
         result = reweight(search, solution, design.for_weights, options)
@@ -220,10 +235,10 @@ class _Ahead:
         self.given = logarithms
         if len(self.pairs) < 2:
             return model
-        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED_ITERATIONS:], strict=True))
+        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-LIMITS.mixed_iterations :], strict=True))
         residuals = outputs - inputs
-        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=SINGULAR_CUTOFF)
-        reach = np.clip(-share @ np.diff(outputs, axis=0), -LONGEST_MIXED_STEP, LONGEST_MIXED_STEP)
+        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=LIMITS.singular_cutoff)
+        reach = np.clip(-share @ np.diff(outputs, axis=0), -LIMITS.longest_step, LIMITS.longest_step)
         moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(logarithms, reach, strict=True)}
         try:
             extrapolation = model.with_values(moved)
@@ -276,7 +291,7 @@ def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vecto
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         freedom = design.degrees_of_freedom
         if np.all(curve > 0):
-            return np.asarray((freedom * observed / curve + CURVE_FREEDOM) / (freedom + CURVE_FREEDOM))
+            return np.asarray((freedom * observed / curve + LIMITS.curve_freedom) / (freedom + LIMITS.curve_freedom))
     return np.ones(design.levels.size)
 
 

@@ -37,7 +37,7 @@ class RegressionEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class LikelihoodPoint:
     """Log-likelihood, its gradient (q,) and information matrix (q, q) with respect to q coordinates."""
 
     value: float
@@ -186,7 +186,7 @@ class LikelihoodProblem:
         """Return the log-likelihood of a model with values, and the estimated regression coefficients."""
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
-    def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
+    def evaluate(self, z: Vector, active: Sequence[int]) -> LikelihoodPoint | None:
         """Evaluate the `active` coordinates; None if the likelihood is undefined."""
         try:
             model = self.at_point(z)
@@ -214,7 +214,7 @@ class LikelihoodProblem:
         if m:
             inverse = np.linalg.inv(cross.reshape(m, m))
             gradient -= 0.5 * np.einsum("ij,lji->l", inverse, turned.reshape(q, m, m))
-        return Evaluation(value, gradient, information.reshape(q, q), model)
+        return LikelihoodPoint(value, gradient, information.reshape(q, q), model)
 
 
 def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, RegressionEstimate]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.fitting.likelihood.problem import Evaluation, LikelihoodProblem
+from gmwm.fitting.likelihood.problem import LikelihoodPoint, LikelihoodProblem
 
 # The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
 # pins them: terms without support in the data are estimated as zero, and supported terms are found again.
@@ -23,7 +23,7 @@ class Maximum:
     z: Vector
     active: tuple[int, ...]
     at_end: dict[int, int]
-    evaluation: Evaluation
+    evaluation: LikelihoodPoint
     evaluations: int
     converged: bool
 
@@ -86,14 +86,14 @@ class LikelihoodSearch:
         low, high = self.problem.bounds[k]
         return -1 if z[k] <= low else 1 if z[k] >= high else 0
 
-    def _evaluate(self, z: Vector, active: list[int]) -> Evaluation | None:
+    def _evaluate(self, z: Vector, active: list[int]) -> LikelihoodPoint | None:
         self.count += 1
         evaluation = self.problem.evaluate(z, active)
         if self.progress is not None and evaluation is not None:
             self.progress(self.count, evaluation.value)
         return evaluation
 
-    def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
+    def _climb(self, z: Vector) -> tuple[Vector, LikelihoodPoint | None, bool]:
         """Climb by steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ) until the expected
         increase is negligible."""
         active = self._active(z)
@@ -140,7 +140,7 @@ class LikelihoodSearch:
                     break
         return z, now, converged
 
-    def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
+    def _step(self, now: LikelihoodPoint, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
         """Return a step of the active coordinates inside their bounds, and the expected increase."""
         # Longest step in a coordinate. In the logarithm of a scale, it is a factor of seven.
         longest_step = 2.0
@@ -150,7 +150,7 @@ class LikelihoodSearch:
         step = box_step(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
-    def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
+    def _give_up(self, now: LikelihoodPoint, z: Vector, active: list[int]) -> bool:
         """Mark terms as zero whose scale no longer affects the likelihood, and return whether there are any."""
         # Derivative and information of the logarithm of a scale below which its term is set to zero.
         negligible = 1e-7
@@ -166,7 +166,7 @@ class LikelihoodSearch:
         self.gone |= gone
         return True
 
-    def _tidy(self, z: Vector, now: Evaluation) -> tuple[Vector, Evaluation]:
+    def _tidy(self, z: Vector, now: LikelihoodPoint) -> tuple[Vector, LikelihoodPoint]:
         """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
@@ -207,7 +207,7 @@ class LikelihoodSearch:
             seen.append((type(process), z[mine].copy()))
         return z
 
-    def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
+    def _back(self, z: Vector, now: LikelihoodPoint, term: int) -> tuple[Vector, LikelihoodPoint, bool] | None:
         """Return the maximum with a term added that was zero, if the likelihood increases. From a negligible scale, the
         expected increase is g²/2I, with gradient g and information I. The whole range of one shape parameter is
         tried."""

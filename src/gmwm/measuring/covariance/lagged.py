@@ -19,8 +19,9 @@ from gmwm.base.threads import check_stop
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes.model import Model
 
-NEGLIGIBLE = 1e-10
-"""Share of the largest covariance below which lags at both ends are left out; a million of them add 1e-14 to V."""
+NEGLIGIBLE = 1e-7
+"""Share of the largest covariance below which lags at both ends are left out; a million of them change V by 1e-8. With
+a drift, V has the covariances themselves and not only their squares; no lag is left out then."""
 
 
 def covariance(model: Model, design: Design, wavelet: Matrix) -> Matrix:
@@ -54,8 +55,9 @@ class _Sums:
         known = np.sum([p.generalised_covariance(lags, design.rate) for p in model.processes], axis=0)
         both = np.concatenate([known[:0:-1], known])
         wanted = {1, *design.levels[design.levels > 0].tolist()}
-        self.against = {level: _against(both, design.samples, 1 << (level - 1)) for level in wanted}
         self.slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
+        least = 0.0 if self.slope else NEGLIGIBLE
+        self.against = {level: _against(both, design.samples, 1 << (level - 1), least) for level in wanted}
         self.cumulant = sum(process.error_cumulant for process in model.processes)
 
     def entry(self, a: int, b: int) -> float:
@@ -92,13 +94,14 @@ class _Sums:
         return float(taps**2 @ pairs @ weights**2)
 
 
-def _against(known: Vector, samples: int, half: int) -> tuple[int, Vector]:
-    """Return the first lag and the values C_j(u) at the lags that are not negligible, from A(m) at all lags m."""
+def _against(known: Vector, samples: int, half: int, least: float) -> tuple[int, Vector]:
+    """Return the first lag and the values C_j(u) at the lags between those above the share `least` of the largest one,
+    from A(m) at all lags m."""
     u, middle = np.arange(1 - samples, samples), known.size // 2
     start = middle + int(u[0]) + 1
     here, before, after = (known[start - shift : start - shift + u.size] for shift in (half, 2 * half, 0))
     values = ((here - before) - (after - here)) / (4.0 * half)
-    seen = np.flatnonzero(np.abs(values) > NEGLIGIBLE * np.abs(values).max(initial=0.0))
+    seen = np.flatnonzero(np.abs(values) > least * np.abs(values).max(initial=0.0))
     if not seen.size:
         return 0, np.zeros(1)
     return int(u[seen[0]]), values[seen[0] : seen[-1] + 1]

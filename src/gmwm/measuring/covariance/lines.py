@@ -215,7 +215,13 @@ def _summed_density(
 ) -> float:
     """Compute the spectral density for scale coefficient 1 at ω = 2π `cycles`, Σ_m c(m) cos ωm / |1 − e^(iω)|², with
     the covariance c(m) = 2A(m) − A(m − 1) − A(m + 1) of differences and the generalised covariance A."""
-    known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
-    difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
+    difference = _differences(kind, nonlinear, samples, rate)
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))
     return float(2.0 * terms.sum() - terms[0]) / (4.0 * math.sin(math.pi * cycles) ** 2)
+
+
+@lru_cache(maxsize=2)
+def _differences(kind: type[Process], nonlinear: tuple[float, ...], samples: int, rate: float) -> Vector:
+    """Compute the covariance c(m) of differences for scale coefficient 1 at the lags 0, 1, …, N − 1."""
+    known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
+    return np.asarray((known[1:-1] - known[:-2]) - (known[2:] - known[1:-1]))

@@ -57,6 +57,12 @@ class TailLimits:
 LIMITS = TailLimits()
 
 
+UNBOUNDED = ((12.0, 40.0, 100.0), (1.0, 4.0, 6.0))
+"""Measured excess kurtosis, and the factor on the covariance. Student noise with 4, 3 and 2.5 degrees of freedom has 8
+to 24, 35 to 190 and above 120; without the factor, 95 %, 78 % and 59 % of 40 mean squares of 120 000 samples are within
+two standard errors, and 95 %, 95 % and 90 % with it (tests/covariance/test_tails.py)."""
+
+
 class TailSums:
     """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated. The
     memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
@@ -107,7 +113,11 @@ class TailSums:
             edge = 1 + LIMITS.chance * np.sqrt(2 / n) + LIMITS.change_by_ends
             if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
                 best, found = ratio, factor
-        return None if found is None else np.asarray(np.outer(found, found) / wv.samples)
+        if found is None:
+            return None
+        # The fourth moment of the sample is too small if that of the noise is infinite.
+        widened = np.interp(np.max(found) ** 2, *UNBOUNDED)
+        return np.asarray(widened * np.outer(found, found) / wv.samples)
 
     def _add(self, panel: Vector) -> None:
         levels = min(LIMITS.most_levels, int(np.log2(max(panel.size // LIMITS.block, 1))))

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 _GAIN = 21.0
 """Reduction of −2 log L by a jump above which it is not chance. White noise, random walks, flicker noise and
 Gauss-Markov processes exceed it in fewer than 1 of 200 recordings (validation/study_faults.py)."""
+_MORE = 16.0
+"""Additional reduction for each further jump, if several are found together: that of a place among 256 blocks, 11, and
+of a size, with a margin (validation/study_faults.py)."""
 _MATTERS = 1.35
 """Smallest ratio of K with the jumps, as if they were noise, to the upper 95 % limit of K without them, at which jumps
 are a fault. The jumps of seven accelerometer axes at rest have 0.8 to 1.25 (validation/study_faults.py)."""
@@ -91,9 +94,29 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    places, shapes, gains = list[float](), list[Vector](), list[float]()
+    jumps = _one_by_one(means, list[float](), list[float]())
+    if not jumps:
+        places, gain = _together(means)
+        jumps = _one_by_one(means, places, [gain / max(len(places), 1)] * len(places))
+    return jumps
+
+
+def _one_by_one(means: Vector, places: list[float], gains: list[float]) -> list[_Jump]:
+    """Return the jumps at these places, and at further ones, each of which is clear by itself."""
     y, at = means, np.arange(means.size)
-    sizes = np.empty(0)
+    shapes = [np.clip(at + 1 - place, 0.0, 1.0) for place in places]
+    likelihood = Likelihood(y)
+    sizes, root = np.empty(0), np.sqrt(likelihood.grid.weights[0])
+
+    def fitted() -> Vector:
+        # The sizes of all jumps together, with the weights of the noise that remains.
+        courses = likelihood.transform(np.vstack(shapes)) * root
+        target = (likelihood.grid.transform @ np.diff(means)) * root
+        return np.asarray(np.linalg.lstsq(courses.T, target, rcond=None)[0], dtype=np.float64)
+
+    if shapes:
+        sizes = fitted()
+        y = np.asarray(means - sizes @ np.vstack(shapes))
     while len(places) < MOST:
         likelihood = Likelihood(y)
         gain, place, weights = likelihood.best_step(_FIRST)
@@ -106,16 +129,35 @@ def _jumps_in(means: Vector) -> list[_Jump]:
         places.append(place)
         gains.append(gain)
         shapes.append(np.clip(at + 1 - place, 0.0, 1.0))
-        # The sizes of all jumps together, with the weights of the noise that remains.
-        courses = likelihood.transform(np.vstack(shapes)) * root
-        sizes = np.asarray(
-            np.linalg.lstsq(courses.T, (likelihood.grid.transform @ np.diff(means)) * root, rcond=None)[0],
-            dtype=np.float64,
-        )
+        sizes = fitted()
         y = np.asarray(means - sizes @ np.vstack(shapes))
     if not places or not _matter(means, np.vstack(shapes)):
         return []
     return [_Jump(place, float(size), gain) for place, size, gain in zip(places, sizes, gains, strict=True)]
+
+
+def _together(means: Vector) -> tuple[list[float], float]:
+    """Return the places of several jumps that look like a random walk one by one, and the reduction of −2 log L by all
+    of them. They are searched as if the noise was white, and compared with all noise models."""
+    likelihood, at = Likelihood(means), np.arange(means.size)
+    without = float(np.min(likelihood.without().values))
+    places, best, y = list[float](), (list[float](), 0.0), means
+    while len(places) < MOST - 1:
+        values = Likelihood(y).with_steps(np.array([0]), slice(_FIRST - 1, means.size - _FIRST))[0]
+        place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
+        if any(abs(place - other) < 1 for other in places):
+            break
+        places.append(place)
+        shapes = np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
+        courses = likelihood.transform(shapes)
+        gain = without - likelihood.with_all(courses)
+        excess = gain - _GAIN - _MORE * (len(places) - 1)
+        if excess > best[1]:
+            best = (list(places), excess)
+        root = np.sqrt(likelihood.grid.weights[0])
+        sizes = np.linalg.lstsq((courses * root).T, likelihood.z * root, rcond=None)[0]
+        y = np.asarray(means - sizes @ shapes)
+    return best
 
 
 def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:

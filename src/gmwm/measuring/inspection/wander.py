@@ -127,23 +127,31 @@ class Likelihood:
         taken = (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2)
         return self._profile((self._flat - taken)[:, None])
 
+    def with_all(self, courses: Matrix) -> float:
+        """Return the smallest −2 log L with all transformed courses (p, n − 1) together."""
+        weights = self.grid.weights
+        gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
+        cross = weights @ (courses * self.z).T
+        taken = np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
+        return float(np.min(self._profile((self._flat - taken)[:, None]).values))
+
     def with_step(self, models: NDArray[np.int64], first: int) -> float:
         """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
         models."""
-        return float(np.min(self._with_steps(models, slice(first, None))))
+        return float(np.min(self.with_steps(models, slice(first, None))))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump between or in the middle of blocks, except for the `first`
         and the last ones; its place (blocks), and the weights of the noise model."""
         n = self.z.size
-        values = self._with_steps(np.arange(self.grid.walks.size), slice(first - 1, n - first + 1))
+        values = self.with_steps(np.arange(self.grid.walks.size), slice(first - 1, n - first + 1))
         model, shape = np.unravel_index(int(np.argmin(values)), values.shape)
         between = n - 2 * (first - 1)
         place = first + shape if shape < between else first + shape - between + 0.5
         gain = float(np.min(self.without().values) - values[model, shape])
         return gain, float(place), self.grid.weights[model]
 
-    def _with_steps(self, models: NDArray[np.int64], places: slice) -> Matrix:
+    def with_steps(self, models: NDArray[np.int64], places: slice) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block."""
         columns = self.grid.transform[:, places]
         shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])

@@ -46,6 +46,9 @@ _REACHES = (3, 12)
 """Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
 _FEW = 12
 """Number of spikes below which no residual may be between θ / 2 and θ."""
+_POWER_LAW = 1.25
+"""Largest exponent of a power law of sizes below which smaller ones are more frequent. It is 1 for a Cauchy
+distribution, and 1.5 for Gaussian sizes of 8 standard deviations (tests/outliers/test_spikes.py)."""
 _BULK = 50_000
 """Number of residuals from which the spread and the tails of the bulk are estimated."""
 _PRECISE = 500_000
@@ -294,12 +297,15 @@ def _smallest_certain(count: int, samples: int, freedom: float) -> float:
 def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
     were found, in standard deviations `limit`. Their density at the smallest one is assumed for all smaller ones, as it
-    is for sizes with a wide distribution. If all are far beyond `certain`, the density just beyond it is assumed."""
+    is for sizes with a wide distribution. If all are far beyond `certain`, the density just beyond it is assumed. If
+    the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy distribution, so do smaller ones."""
     if deviation.size < _FEW:
         return 0.0
     least = min(float(np.min(deviation)), APART * certain)
     count = int(np.count_nonzero(deviation <= APART * least))
-    return count / (APART - 1) * least**2 / 3 * float(np.mean(limit**2))
+    exponent = 1 / float(np.mean(np.log(np.maximum(deviation / least, 1.0 + 1e-9))))
+    flatness = 2 - exponent if exponent < _POWER_LAW else 3.0
+    return count / (APART - 1) * least**2 / flatness * float(np.mean(limit**2))
 
 
 def _in_crowds(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:

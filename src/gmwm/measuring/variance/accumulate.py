@@ -19,7 +19,7 @@ from gmwm.measuring.variance.coefficients import require_digits
 from gmwm.measuring.variance.open_segments import EXACT_LEVELS, MOST_LEVELS, SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import RiseSums, ThinnedValues
-from gmwm.measuring.variance.robust import RobustVariances, robust_variances
+from gmwm.measuring.variance.robust import RobustVariances, robust_variances, unrejected
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
@@ -188,15 +188,21 @@ class WaveletAccumulator(SegmentedAccumulator):
         self._fold()
         variance, counts = self._variances()
         lengths = self.lengths
+        classical, diagnostics = variance, {}
         if robust is not None:
-            variance = robust.variance
+            variance, diagnostics = robust.variance, {"robust": dict(robust.diagnostics)}
         wv = WaveletVariance(
             levels=np.arange(1, counts.size + 1, dtype=np.int64), variance=variance, lower=variance, upper=variance,
             counts=counts, rate=self.rate, samples=sum(lengths), unit=self.unit, axis=self.axis, confidence=confidence,
             slope=self._slope() if robust is None else slope, segments=lengths if len(lengths) > 1 else (),
             filled=self.filled, rise=self.rise, strides=_strides(self.exact, counts.size), robust=robust is not None,
-            efficiency=efficiency, diagnostics={} if robust is None else {"robust": robust.diagnostics},
+            efficiency=efficiency, diagnostics=diagnostics,
         )  # fmt: skip
+        if robust is not None and efficiency is not None:
+            freedom = wv.degrees_of_freedom / efficiency
+            if (lost := unrejected(robust, classical, freedom, efficiency)) is not None:
+                diagnostics["robust"]["unrejected"] = lost[0]
+                wv = replace(wv, excess=lost[1])
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_rate, as_vector, require_finite
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.axis_results import rate_of_array, signals_of
 from gmwm.measuring.confidence_limits import chi_square_limits
@@ -24,7 +24,7 @@ from gmwm.measuring.variance.coefficients import (
 from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
-from gmwm.measuring.variance.robust import RobustVariances, robust_variances
+from gmwm.measuring.variance.robust import RobustVariances, robust_variances, unrejected
 from gmwm.measuring.variance.transform import (
     Transform,
     as_level_count,
@@ -179,10 +179,14 @@ def wavelet_variance(
         _require_lags(wavelet, transform, robust=robust, longest=n)
     counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
+    excess: Matrix | None = None
     if robust:
         _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
-        variance, diagnostics["robust"] = estimate.variance, estimate.diagnostics
+        variance, diagnostics["robust"] = estimate.variance, dict(estimate.diagnostics)
+        classical = _classical(segments, wavelet, transform, levels)[0]
+        if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
+            diagnostics["robust"]["unrejected"], excess = lost
         slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:
@@ -196,7 +200,7 @@ def wavelet_variance(
         levels=numbers, variance=variance, lower=lower, upper=upper, counts=counts, rate=rate, samples=sum(lengths),
         unit="" if signal is None else signal.unit, axis="" if signal is None else signal.axis, confidence=confidence,
         filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency if robust else None, slope=slope,
-        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (), filled=filled,
+        diagnostics=diagnostics, excess=excess, segments=lengths if len(lengths) > 1 else (), filled=filled,
         rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
     )  # fmt: skip
 

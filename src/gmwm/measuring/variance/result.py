@@ -19,6 +19,7 @@ from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults, rate_words
 from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.variance.robust import LARGE_SHARE
 from gmwm.measuring.variance.transform import (
     Transform,
     coefficient_counts,
@@ -312,6 +313,11 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
             levels = tuple(int(j) for j, result in zip(self.levels, outcomes, strict=False) if result == outcome)
             if levels:
                 remarks.append(Remark.of(code, self.axis, case=outcome, levels=levels))
+        shares = self.diagnostics.get("robust", {}).get("unrejected", [])
+        if shares and max(shares) >= LARGE_SHARE:
+            worst = shares.index(max(shares))
+            tau, share = Quantity(float(self.tau[worst]), "s"), 100 * shares[worst]
+            remarks.append(Remark.of("outliers-found", self.axis, case="unrejected", tau=tau, share=share))
         if any(stride > 1 for stride in self.strides):
             first = next(k for k, stride in enumerate(self.strides) if stride > 1)
             remarks.append(

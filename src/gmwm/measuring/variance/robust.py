@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.arrays import Matrix, Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
 from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS, CoefficientSource, PlainCoefficients
 
@@ -24,6 +24,10 @@ LOG_TOLERANCE = 1e-11
 """Predicted error of log σ² below which a level has converged."""
 MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
+
+LARGE_SHARE = 0.25
+"""Share of unrejected outliers in a robust variance from which a remark says that the curve must not be used. Pinned by
+tests/variance/test_unrejected.py."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
 """Method of a level: "root" of the equation; "mad", (MAD / 0.67449)², without a root; "mean" of one or two squares;
@@ -50,12 +54,14 @@ class _RootSearch:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels (J,), with diagnostics of the search. The diagnostics are lists with one value
+    """Robust variances of several levels (J,), with diagnostics of the search, and whether there are isolated outliers.
+    The diagnostics are lists with one value
     for each level: "outcome", see `Outcome`; "start", the starting value of σ²; "iterations" on a sample of the
     coefficients; "passes" over all coefficients; "zeros", the share of zero coefficients."""
 
     variance: Vector
     diagnostics: Mapping[str, list[Any]]
+    isolated: bool = False
 
 
 def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
@@ -74,7 +80,50 @@ def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> Robu
         name: [getattr(level, name) for level in levels]
         for name in ("outcome", "start", "iterations", "passes", "zeros")
     }
-    return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
+    variance = np.array([level.variance for level in levels])
+    return RobustVariances(variance, diagnostics, isolated=_isolated(source, variance))
+
+
+def _isolated(source: CoefficientSource, variance: Vector) -> bool:
+    """Return whether there are isolated outliers: beyond 5 standard deviations, their share of the coefficients is 4
+    times as large at level 3 as at level 1. That of knocks and of white noise with heavy tails hardly grows."""
+    if variance.size < 3 or not np.all(variance[:3] > 0):
+        return False
+    limits = [5 * math.sqrt(variance[k]) for k in (0, 2)]
+    first, third = (
+        int(source.counts[k]) - source.between(k, limit, limit)[0] for k, limit in zip((0, 2), limits, strict=True)
+    )
+    return first >= 10 and third / int(source.counts[2]) > 2.5 * first / int(source.counts[0])
+
+
+def unrejected(
+    estimate: RobustVariances, classical: Vector, freedom: Vector, efficiency: float
+) -> tuple[list[float], Matrix] | None:  # fmt: skip
+    """Estimate the share of isolated outliers in robust variances that the estimate does not reject, because several of
+    them fall into each of its coefficients. Return this share (J,) and its relative covariance (J, J); None if there
+    are no outliers, or if they do not matter.
+
+    Isolated outliers are white, so that they add (ν̂₁² − ν̃₁²) 2^{1−j} to level j of the classical curve ν̂². The excess
+    of the robust curve ν̃² over the classical one without them is the share b_j that it does not reject. The error u_j
+    of the first level has the same effect as outliers that are too small to be detected. Relative to ν̃², both grow by
+    2 from level to level beside strong quantization. `freedom` (J,) are degrees of freedom of the classical curve."""
+    robust = estimate.variance
+    if not (estimate.isolated and np.all(robust > 0) and np.all(freedom > 0)):
+        return None
+    # Relative error of the difference between an efficient and a robust estimate (Hausman 1978, Econometrica 46, 1251).
+    spread = np.sqrt((1 / efficiency - 1) * 2 / freedom)
+    first = classical[0] / robust[0] - 1
+    white = robust[0] / robust * 2.0 ** -np.arange(robust.size)
+    # A robust variance can also be too small, if it rejects coefficients of the noise beside the outliers.
+    share = np.minimum(np.abs(1 - classical / robust + first * white), 1.0)
+    # Beside noise that is nearly white, the power of the outliers is not known well enough for a smaller share.
+    clear = (share > 2 * spread) & (freedom > 30) & ((white > 4) | (share > 0.75))
+    share, error = np.where(clear, share, 0.0), np.where(freedom > 30, np.minimum(spread[0] * white, 1.0), 0.0)
+    if first <= 3 * spread[0] or max(np.max(share), np.max(error)) < 0.05:
+        return None
+    # Standard errors of the logarithm: a variance of which the share b are outliers is 1/(1 − b) times too large.
+    bias = -np.log1p(-np.minimum(share, 0.95))
+    return share.tolist(), np.outer(bias, bias) + np.outer(error, error)
 
 
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
@@ -123,7 +172,8 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
     else:
         start = middle / NORMAL_QUARTILE
     level.start = start**2
-    if not 0 < level.start < math.inf:
+    # Beyond, the limit and the ratios of the criterion lose their digits or overflow, and the MAD is used.
+    if not 1e-280 < level.start < 1e280:
         return
     criterion = _on_sample(level, sample, tuning)
     tolerance = LOG_TOLERANCE / 10 if complete else 1e-3

@@ -170,5 +170,5 @@ def _of_axis(pieces: Sequence[Vector]) -> int:
         return 1
     # The highest frequency up to which most of the noise passes, from densities smoothed over 8 frequencies.
     smooth = density[: density.size // 8 * 8].reshape(-1, 8).mean(axis=1)
-    passes = (np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
-    return max(round(_OF_RATE / (2 * float(passes))), 1)
+    passes = float(np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
+    return max(round(_OF_RATE / (2 * passes)), 1)

@@ -32,9 +32,9 @@ def in_long_runs(same: Mask, least: int) -> Mask:
     """Return the samples that continue a run of at least `least` samples. The first sample of a run is not among
     them."""
     inside = np.zeros(same.size, dtype=np.bool_)
-    for first, last in runs_of(same):
-        if last - first + 1 >= least:
-            inside[first:last] = True
+    runs = runs_of(same)
+    for first, last in runs[runs[:, 1] - runs[:, 0] + 1 >= least]:
+        inside[first:last] = True
     return inside
 
 

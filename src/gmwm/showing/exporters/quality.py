@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
 from gmwm.choosing.datasheets.misfit import curve_ratio
-from gmwm.choosing.datasheets.prediction import FilterGain, Forecast
+from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
 from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
 from gmwm.showing.exporters.two_states import (
     LEAST_AVERAGING_RATIO,
@@ -52,9 +52,9 @@ def _quality(axis: AxisNoise, time: float) -> Quality:
     processes, rate = axis.fit.model.processes, axis.fit.wavelet_variance.rate
     samples, gain = samples_in(time, rate), FilterGain(axis.K.value / (axis.N.value * rate))
     # The filter of the full model has no sinusoids either.
-    error = Forecast.of(processes, rate, samples, lines=False).error(gain)[0]
+    error = FilterPrediction.of(processes, rate, samples, lines=False).error(gain)[0]
     ratio = curve_ratio(axis.fit)
-    real = Forecast.of(processes, rate, samples, ratio).error(gain)[0]
+    real = FilterPrediction.of(processes, rate, samples, ratio).error(gain)[0]
     least = smallest_error(processes, rate, samples)
     stated = axis.N.value**2 * rate * gain.claim(samples)[0]
     return Quality(None if least is None else math.sqrt(max(error / least, 1.0)), math.sqrt(stated / real))

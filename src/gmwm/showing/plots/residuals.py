@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.errors import OptionError
+from gmwm.fitting.likelihood.correlations import as_lags, autocorrelation, pair_factors
 from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.fitting.likelihood.record import as_record
-from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
-from gmwm.recording.options import as_whole_number
+from gmwm.fitting.likelihood.tracks import Modelled
+from gmwm.recording.autocorrelation import observed_pairs
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import number_text, power_text
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
@@ -25,6 +26,7 @@ from gmwm.showing.plots.linear import elapsed_axis, even_axis, number_at
 from gmwm.showing.plots.series import DOTS_OF_MM
 from gmwm.showing.plots.style import BLACK, BLUE, GREY, VERMILLION
 from gmwm.showing.plots.trace import even_trace, lone_dots
+from gmwm.theory.processes.model import as_model
 
 if TYPE_CHECKING:
     pass
@@ -37,6 +39,7 @@ EXPECTED = Stroke(BLACK, 0.8)
 
 LINE = Stroke(BLUE, 0.5)
 LIMIT = Stroke(VERMILLION, 0.9)
+ROBUST = Stroke(BLACK, 0.0, symbol="cross")
 
 
 def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
@@ -159,14 +162,16 @@ def plot_residuals(
     return residuals_figure(residuals, lags)
 
 
-def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
+def autocorrelation_panel(
+    r: Vector, error: Vector, title: str = "", name: str = "Autocorrelation", most: float = 0.0
+) -> Panel:
     """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
-    `error` (L,) is the standard deviation of each value for white noise."""
+    `error` (L,) is the standard deviation of each value for white noise. The axis includes ± `most`."""
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LIMIT_LEVEL) / 2) * error
-    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
+    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)), most)
     x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
-    y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
+    y = even_axis(-far, far, name, margin=0.06, at_most=7)
     ends = np.array(x.limits)
     stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
     label = f"{percent(LIMIT_LEVEL)} limits of each point"
@@ -181,22 +186,41 @@ def autocorrelation_panel(r: Vector, error: Vector, title: str = "") -> Panel:
     return Panel(x, y, tuple(marks), title)
 
 
-def signal_autocorrelation_panel(signal: Signal, lags: int | None = None) -> Panel:
+def signal_autocorrelation_panel(
+    signal: Signal,
+    lags: int | None = None,
+    *,
+    partial: bool = False,
+    robust: bool = False,
+    model: Modelled | None = None,
+) -> Panel:
     """Return the panel that `plot_autocorrelation` draws."""
     record = as_record(signal, None)
-    most = record.observed - 1
-    count = min(int(10 * math.log10(record.observed)), most) if lags is None else as_whole_number(lags, "lags", 1)
-    if count > most:
-        raise OptionError(argument="lags", expected=f"at most {most}, the number of samples less one", got=lags)
-    r = autocorrelation(record.values, count)[1:]
-    error = np.sqrt(observed_pairs(record.values, count)) / record.observed
-    return autocorrelation_panel(r, error, f"{axis_title(signal.axis) or 'Signal'}, limits for white noise")
+    count = as_lags(lags, record.observed)
+    r = autocorrelation(signal, count, partial=partial)[1:]
+    error = np.sqrt(observed_pairs(record.values, count)) / record.observed * pair_factors(record.values, count)
+    others: list[tuple[Vector, Stroke, str]] = []
+    if robust:
+        scores = autocorrelation(signal, count, partial=partial, robust=True)[1:]
+        others.append((scores, ROBUST, "Observed, robust"))
+    if model is not None:
+        terms = as_model(getattr(model, "model", model))
+        theory = autocorrelation(terms, count, signal.rate, partial=partial)[1:]
+        others.append((theory, LIMIT, f"Model: {model_text(terms.terms)}"))
+    title = f"{axis_title(signal.axis) or 'Signal'}, limits for white noise"
+    name = "Partial autocorrelation" if partial else "Autocorrelation"
+    most = max((float(np.max(np.abs(curve))) for curve, _, _ in others), default=0.0)
+    panel = autocorrelation_panel(r, error, title, name=name, most=most)
+    lag = np.arange(1.0, count + 1)
+    added = (Polyline(lag, curve, stroke=stroke, label=label, layer=FRONT) for curve, stroke, label in others)
+    return replace(panel, marks=(*panel.marks, *added))
 
 
 @drawing
 def plot_autocorrelation(
-    signal: Signal, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
-) -> Figure:
+    signal: Signal, lags: int | None = None, *, partial: bool = False, robust: bool = False,
+    model: Modelled | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
 
     Parameters
@@ -205,6 +229,11 @@ def plot_autocorrelation(
         The signal. Pairs of samples of which one is missing are left out.
     lags : int, optional
         Number of lags L. Default: 10 log₁₀ N for N samples.
+    partial, robust : bool
+        Whether to draw the partial autocorrelation, and also the robust estimate for comparison; see
+        `gmwm.likelihood.autocorrelation`.
+    model : Fit, LikelihoodFit, Model or str, optional
+        Stationary model whose theoretical autocorrelation is drawn as a line.
 
     Raises
     ------
@@ -220,7 +249,8 @@ def plot_autocorrelation(
     >>> figure.axes[0].get_ylabel()
     'Autocorrelation'
     """
-    return Figure(((signal_autocorrelation_panel(signal, lags),),), width=PAGE, height=70.0)
+    panel = signal_autocorrelation_panel(signal, lags, partial=partial, robust=robust, model=model)
+    return Figure(((panel,),), width=PAGE, height=70.0)
 
 
 def percent(share: float) -> str:

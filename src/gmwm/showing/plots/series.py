@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm.base.arrays import Vector
 from gmwm.base.units import Quantity, find_unit
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol
+from gmwm.showing.plots.findings import STROKES, Samples, samples_of_findings
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
@@ -24,12 +27,15 @@ from gmwm.showing.plots.view import UnitSystem, View, view_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from gmwm.measuring.inspection import Inspection
     from gmwm.theory.simulation.components import SimulatedSignal
 
 DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 LINE_WIDTH_PT = 0.5
 """Width of the line through a long signal (points)."""
+FINDINGS_COLUMNS = 5
+"""Columns of the legend of findings."""
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
@@ -47,24 +53,31 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
     return _panels([_SignalRow(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
 
 
-def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
+def recording_figure(imu: Imu, *, units: UnitSystem = "si", inspection: Inspection | None = None) -> Figure:
     """Return the figure that `plot_recording` draws, with a column for each sensor and a row for each axis letter."""
+    findings = {} if inspection is None else samples_of_findings(imu, inspection)
     places = {axis: sensor_and_letter(axis) for axis in imu}
     named = all(sensor for sensor, _ in places.values())
     sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
     columns: list[dict[str, Panel]] = []
     for sensor in sensors:
         members = [axis for axis, place in places.items() if place[0] == sensor or not named]
-        columns.append(dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors)), strict=True)))
+        columns.append(
+            dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors), findings=findings), strict=True))
+        )
     letters = sorted({letter for _, letter in places.values()}) if named else []
     rows: list[tuple[Panel | None, ...]] = [
         tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
         for letter in letters
     ] or [(panel,) for panel in columns[0].values()]
-    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 44.0) * len(rows))
+    labels = len({label for of_axis in findings.values() for label in of_axis})
+    height = 12.0 + row_height(len(rows), 44.0) * len(rows) + 5.0 * math.ceil(labels / FINDINGS_COLUMNS)
+    return Figure(time_once(rows), width=PAGE, height=height, legend_columns=FINDINGS_COLUMNS)
 
 
-def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
+def _sensor_panels(
+    imu: Imu, axes: Sequence[str], units: UnitSystem, width: float, *, findings: Mapping[str, Samples]
+) -> list[Panel]:
     """Return the panels of the axes of a sensor, with a common vertical scale if their spans are similar."""
     panels: dict[str, Panel] = {}
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
@@ -76,7 +89,14 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
             samples = trace(imu[axis], shown.factor, round(DOTS_OF_MM * width), begin, clip=True)
             mean = offset_of(samples)
             title = _without_mean(axis_title(axis), mean, shown.unit)
-            rows.append(_SignalRow(samples.less(mean), _stroke(axis), title))
+            points = {
+                label: (imu[axis].times(index) - imu[axis].times([0]) + begin, shown.factor * imu[axis].values[index])
+                for label, index in findings.get(axis, {}).items()
+            }
+            marked = {
+                label: (seconds, np.clip(y, samples.low, samples.high) - mean) for label, (seconds, y) in points.items()
+            }
+            rows.append(_SignalRow(samples.less(mean), _stroke(axis), title, marked))
         panels |= dict(zip(members, _panels(rows, shown, quantity_name(unit)), strict=True))
     return [panels[axis] for axis in axes]
 
@@ -109,6 +129,8 @@ class _SignalRow:
     trace: Outline
     stroke: Stroke
     title: str
+    marked: Mapping[str, tuple[Vector, Vector]] = field(default_factory=dict)
+    """Times (s) and values of the samples of each finding."""
 
 
 def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
@@ -143,7 +165,11 @@ def _marks(row: _SignalRow, size: float, scale: float) -> tuple[Mark, ...]:
         if np.any(mask)
     ]
     dots = () if stroke.symbol else lone_dots(x, y, stroke.colour, FRONT)
-    return Polyline(x, y, stroke=stroke, layer=FRONT), *beyond, *dots
+    marked = [
+        Polyline(seconds / size, values / scale, stroke=STROKES[label], label=label, layer=FRONT)
+        for label, (seconds, values) in row.marked.items()
+    ]
+    return Polyline(x, y, stroke=stroke, layer=FRONT), *beyond, *dots, *marked
 
 
 def _stroke(axis: str) -> Stroke:
@@ -199,13 +225,17 @@ def plot_signal(
 
 
 @drawing
-def plot_recording(imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> Figure:
+def plot_recording(
+    imu: Imu, *, units: UnitSystem = "si", inspection: Inspection | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
     """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
 
     If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
-    The axes of a sensor have the same scale, unless a curve would be flat.
+    The axes of a sensor have the same scale, unless a curve would be flat. Symbols mark up to 300 samples of each
+    finding of an `inspection` of the recording, such as clipped, repeated or wrapped samples, knocks and jumps.
     """
-    return recording_figure(imu, units=units)
+    return recording_figure(imu, units=units, inspection=inspection)
 
 
 @drawing

@@ -292,6 +292,12 @@ class Lagged(Ordered, abstract=True, listed=False):
         density, *others = _band_numbers(type(self), tuple(self.nonlinear.tolist()), free, as_rate(rate))
         return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
+    @property
+    def recursion_polynomials(self) -> tuple[Vector, Vector]:
+        """Coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), from the lag 0 on."""
+        phi, theta, _, _ = self._recursion()
+        return np.concatenate([[1.0], -phi]), np.concatenate([[1.0], theta])
+
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
         """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and, to start a simulation, the coefficients of the
         best linear predictors of lower orders and the standard deviations of their errors for σ² = 1."""

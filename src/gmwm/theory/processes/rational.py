@@ -66,19 +66,30 @@ def clearance(rows: Matrix) -> Vector:
 def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles) for rows of coefficients, as 1 − Σ a_i c^i + Σ a_i (c^i − z^i)
     with the nearer c of ±1, which is accurate for zeros near c."""
-    turned = np.asarray(cycles, dtype=np.float64)
-    turned = turned - np.round(turned)
-    behind = np.abs(turned) > 0.25
-    angle = 2.0 * np.pi * (turned - np.where(behind, np.copysign(0.5, turned), 0.0))
+    cycles = np.ascontiguousarray(cycles, dtype=np.float64)
+    turns_of = _turns if cycles.size < 10_000 else _turns.__wrapped__  # the cache is for small grids
+    behind, turns = turns_of(cycles.tobytes(), cycles.shape, rows.shape[-1])
     real = np.where(behind, _at_one(rows, -1.0), _at_one(rows, 1.0))
     imaginary = np.zeros(real.shape)
-    for i in range(1, rows.shape[-1] + 1):
+    for i, (sine, cosine) in enumerate(turns, 1):
         # c^i (1 − e^(−iδi)) = c^i (2 sin² + 2i sin cos) of δi/2
         weight = rows[..., i - 1] * np.where(behind, (-1.0) ** i, 1.0)
-        sine, cosine = np.sin(0.5 * i * angle), np.cos(0.5 * i * angle)
         real = real + 2.0 * weight * sine * sine
         imaginary = imaginary + 2.0 * weight * sine * cosine
     return np.asarray(real * real + imaginary * imaginary)
+
+
+@lru_cache(maxsize=8)
+def _turns(
+    cycles: bytes, shape: tuple[int, ...], order: int
+) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """Return whether −1 is nearer to z than 1, and sin and cos of δi/2 for i = 1 … `order`, with the angle δ to the
+    nearer one. The densities of one process, moved by each parameter, are computed at the same frequencies."""
+    turned = np.frombuffer(cycles).reshape(shape)
+    turned = turned - np.round(turned)
+    behind = np.abs(turned) > 0.25
+    angle = 2.0 * np.pi * (turned - np.where(behind, np.copysign(0.5, turned), 0.0))
+    return behind, [(np.sin(0.5 * i * angle), np.cos(0.5 * i * angle)) for i in range(1, order + 1)]
 
 
 def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
