@@ -22,7 +22,7 @@ ELSEWHERE = {
     ("fleet.md", "Gyroscopes"): "an example of sixty units, to be read",
     ("contributing/add-a-process.md", "def state_space"): "to be written",
     ("howto/record.md", "ros2 bag record"): "to be typed",
-    ("index.md", "N can be used on 6"): "of the command in start.md",
+    ("index.md", "The calibration can be used"): "of the command in start.md",
     ("navigation.md", "100 drives of 480 s"): "a hundred drives, which take minutes",
     ("start.md", "--columns time"): "to be typed",
 }
