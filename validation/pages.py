@@ -11,7 +11,7 @@ from typing import Any
 
 SENTENCES = 3
 """Largest number of sentences on a page."""
-ROWS = 3
+ROWS = 2
 """Largest number of rows of the table on a page."""
 GOLDEN = (5**0.5 - 1) / 2
 

@@ -16,3 +16,15 @@ for (const [name, drawer] of [["__navigation", ".sidebar-drawer"], ["__toc", ".t
     toggle.focus();
   });
 }
+
+// A box that scrolls can be reached by keys; headings of the sidebar have a level.
+const reach = () => {
+  for (const box of document.querySelectorAll("article pre, article .table-wrapper, article p:has(> a > img)")) {
+    if (box.scrollWidth > box.clientWidth + 1) box.tabIndex = 0;
+    else box.removeAttribute("tabindex");
+  }
+};
+reach();
+addEventListener("resize", reach);
+addEventListener("load", reach);
+for (const caption of document.querySelectorAll('.caption[role="heading"]')) caption.setAttribute("aria-level", "2");

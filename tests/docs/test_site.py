@@ -391,6 +391,28 @@ def test_drawers_open_and_close_by_keys(site, page, toggle, drawer):
 
 
 @pytest.mark.browser
+def test_boxes_that_scroll_can_be_reached_by_keys(site, page):
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.goto((site / "start.html").as_uri(), wait_until="load")
+    boxes = "[...document.querySelectorAll('article pre, article .table-wrapper')]"
+    assert page.evaluate(f"{boxes}.filter(box => box.scrollWidth > box.clientWidth + 1).length") > 3
+    assert page.evaluate(f"{boxes}.every(box => (box.scrollWidth > box.clientWidth + 1) === (box.tabIndex === 0))")
+    assert page.locator('.caption[role="heading"]:not([aria-level])').count() == 0
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pictures_are_those_of_the_scheme(site, page, scheme):
+    page.emulate_media(color_scheme=scheme)
+    page.goto((site / "index.html").as_uri(), wait_until="load")
+    other = {"light": "dark", "dark": "light"}[scheme]
+    assert page.locator(f"article img.only-{scheme}").first.is_visible()
+    assert not page.locator(f"article img.only-{other}").first.is_visible()
+    wide = page.evaluate(f"document.querySelector('article img.only-{scheme}').naturalWidth")
+    assert wide > 100
+
+
+@pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_paper_stands_the_text_alone_and_it_can_be_read(site, page, scheme):
     page.emulate_media(media="print", color_scheme=scheme)
