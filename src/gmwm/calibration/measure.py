@@ -183,6 +183,8 @@ def _measure_recording(
     ]
     for part in pieces:
         axes = [axis for axis in recordings.axes if axis in part.axes]
+        if not axes:
+            continue  # repairs have divided the recording, and this part has only axes that are not calibrated
         if not any(part is original for original in recordings.parts[name]):
             run = replace(run, scheduler=None, workers=None)  # a repaired recording cannot be divided for processes
         conditions, passes = _read(part, axes, options, run)

@@ -97,7 +97,8 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     jumps = _one_by_one(means, list[float](), list[float]())
     if not jumps:
         places, gain = _together(means)
-        jumps = _one_by_one(means, places, [gain / max(len(places), 1)] * len(places))
+        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
+            jumps = _one_by_one(means, places, [gain / len(places)] * len(places))
     return jumps
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate, freeze
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
@@ -17,7 +18,7 @@ from gmwm.theory.processes import exponential
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
-from gmwm.theory.processes.validation import as_lags
+from gmwm.theory.processes.validation import as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
@@ -96,6 +97,8 @@ class OSC(Process):
         turn = natural * np.sqrt((1.0 - ratio) * (1.0 + ratio))
         if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
+        if natural.size == 1:
+            return _fixed_shape(float(natural[0] * ratio[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
         return exponential.oscillation_shape(natural * ratio, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -129,23 +132,23 @@ class OSC(Process):
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
         return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
 
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Compute the density of the recursion of the two states, which is a sum of terms that are not negative."""
+        rate = as_rate(rate)
+        f = as_frequencies(frequencies, rate)
+        transition, noise = _recursion(2.0 * math.pi * self.value("frequency") / rate, self.value("quality"))
+        z = np.exp(2j * np.pi / rate * f)
+        rows = z - transition[1, 1], transition[0, 1]
+        square = np.abs(rows[0]) ** 2 * noise[0, 0] + rows[1] * (
+            2.0 * rows[0].real * noise[0, 1] + rows[1] * noise[1, 1]
+        )
+        determinant = rows[0] * (z - transition[0, 0]) - transition[0, 1] * transition[1, 0]
+        return np.asarray(self.scale / rate * square / np.abs(determinant) ** 2)
+
     def state_space(self, rate: float) -> StateSpace:
         """Return a state space whose states are the process and its velocity divided by ω₀."""
-        step, natural, (damping, turn) = 1.0 / as_rate(rate), 2.0 * math.pi * self.value("frequency"), self._rates()
-
-        def transition(t: Vector) -> NDArray[np.float64]:
-            """Return e^(At) (2, 2, n)."""
-            even, odd = np.cos(turn * t), t * np.sinc(turn * t / math.pi)
-            matrix = np.array([[even + damping * odd, natural * odd], [-natural * odd, even - damping * odd]])
-            return np.asarray(np.exp(-damping * t) * matrix)
-
-        matrix = transition(np.array([step]))[:, :, 0]
-        if natural * step < 1.0:  # the two terms of Σ − F Σ Fᵀ would cancel
-            response = transition(0.5 * step * (_NODES + 1.0))[:, 1]
-            noise = self.scale * step * natural / self.value("quality") * (response * _WEIGHTS) @ response.T
-        else:
-            noise = self.scale * (np.eye(2) - matrix @ matrix.T)
-        return StateSpace(F=matrix, Q=noise, H=[1.0, 0.0], P0=self.scale * np.eye(2))
+        transition, noise = _recursion(2.0 * math.pi * self.value("frequency") / as_rate(rate), self.value("quality"))
+        return StateSpace(F=transition, Q=self.scale * noise, H=[1.0, 0.0], P0=self.scale * np.eye(2))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
         """Return the state space in continuous time, with the same states."""
@@ -194,3 +197,28 @@ class OSC(Process):
         natural, quality = 2.0 * math.pi * self.value("frequency"), self.value("quality")
         ratio = 0.5 / quality
         return natural * ratio, natural * math.sqrt((1.0 - ratio) * (1.0 + ratio))
+
+
+@lru_cache(maxsize=256)
+def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
+    """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
+    h = np.ldexp(1.0, np.array(levels) - 1)
+    return freeze(exponential.oscillation_shape(np.array([damping]), np.array([turn]), h))
+
+
+@lru_cache(maxsize=256)
+def _recursion(step: float, quality: float) -> tuple[Matrix, Matrix]:
+    """Return e^(AΔt) and the covariance of the process noise for σ² = 1, for the angle ω₀Δt of a step."""
+    ratio = 0.5 / quality
+    turn = math.sqrt((1.0 - ratio) * (1.0 + ratio))
+
+    def transition(angle: Vector) -> NDArray[np.float64]:
+        """Return e^(At) (2, 2, n) at the angles ω₀t."""
+        even, odd = np.cos(turn * angle), angle * np.sinc(turn * angle / math.pi)
+        return np.asarray(np.exp(-ratio * angle) * np.array([[even + ratio * odd, odd], [-odd, even - ratio * odd]]))
+
+    matrix = transition(np.array([step]))[:, :, 0]
+    if step < 1.0:  # the two terms of Σ − F Σ Fᵀ would cancel
+        response = transition(0.5 * step * (_NODES + 1.0))[:, 1]
+        return freeze(matrix), freeze(step / quality * (response * _WEIGHTS) @ response.T)
+    return freeze(matrix), freeze(np.eye(2) - matrix @ matrix.T)
