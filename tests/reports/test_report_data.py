@@ -249,7 +249,7 @@ def test_the_citation_is_that_of_the_repository():
     names = re.findall(r"family-names: (.+)", text)
     assert titles[1] in cited["method"]
     assert all(name in cited["method"] and name in cited["bibtex"] for name in names)
-    assert re.search(r"arXiv:[\d.]+", text)[0] in cited["method"]
+    assert re.search(r"doi: 10.48550/arXiv.([\d.]+)", text)[1] in cited["method"]
     assert f"version {gmwm.__version__}" in cited["software"]
     assert re.search(r"abstract: (.+)\.", text)[1] in cited["software"].replace("\n", " ")
 

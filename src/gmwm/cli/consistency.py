@@ -16,7 +16,7 @@ from gmwm.recording.options import ReadOptions
 EXAMPLES = (
     "gmwm consistency results night.csv --plot consistency.png",
     "gmwm consistency imu.yaml night.csv --rate 200",
-    "gmwm consistency results night.csv --filter model --horizons 1s,10s,1min --json",
+    "gmwm consistency results night.csv --filter model --horizons 1s,1min",
 )
 FORMS: dict[str, Literal["N, K", "N, sigma, T", "model"]] = {"nk": "N, K", "markov": "N, sigma, T", "model": "model"}
 

@@ -65,7 +65,7 @@ EXAMPLES = (
     'gmwm fit static.csv --axis gyro_x --model "GM + WN + RW" --likelihood',
     'gmwm fit monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
     'gmwm fit turn.csv --model WN --conditions rates.csv --varies "WN: 1 + rate**2"',
-    'gmwm fit warm.csv --axis gyro_x --model "GM + WN" --conditions temperature.csv --varies "GM.beta: celsius"',
+    'gmwm fit a.csv --model "GM + WN" --conditions t.csv --varies "GM.beta: t"',
     'gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model "WN + RW"',
 )
 _PROCESSES = ", ".join(
