@@ -11,28 +11,37 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.recording.repairs.runs import Indices, Mask, repeats
 
-_RARE = 1e-3
-"""Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repeats.py)."""
-_FEWEST = 100
-"""Smallest number of changes of the output from which repetition is recognised."""
-_MULTIPLES = 0.98
-"""Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2 at
-most."""
-_MOST = 100
-"""Largest number of repetitions that is recognised."""
-_CHANCE = 0.1
-"""Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
-_LONGER = 4
-"""Longest run, in median runs, that belongs to the pattern of the logger. In a longer one, the output froze."""
-_RARELY = 0.02
-"""Smallest share of repeats that is called a pattern. With fewer repeats, each of them is taken as a lost sample, which
-gives the same numbers."""
-_REGULAR = 0.3
-"""Largest ratio of the variance of the number of repeats in a window to the variance for random repeats, for a log with
-a regular pattern. Random repeats have a ratio of 1 ± 0.3."""
-_TWICE = 0.1
-"""Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that were
-written twice (tests/test_inspection.py)."""
+
+@dataclass(frozen=True)
+class RepeatLimits:
+    """Limits at which values are repeated by the logger (tests/recording/test_repeats.py)."""
+
+    least_share: float = 1e-3
+    """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repeats.py)."""
+    least_changes: int = 100
+    """Smallest number of changes of the output from which repetition is recognised."""
+    multiple_share: float = 0.98
+    """Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2
+    at most."""
+    most_repeats: int = 100
+    """Largest number of repetitions that is recognised."""
+    chance_share: float = 0.1
+    """Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
+    longest_run: int = 4
+    """Longest run, in median runs, that belongs to the pattern of the logger. In a longer one, the output froze."""
+    pattern_share: float = 0.02
+    """Smallest share of repeats that is called a pattern. With fewer repeats, each of them is taken as a lost sample,
+    which gives the same numbers."""
+    regular_ratio: float = 0.3
+    """Largest ratio of the variance of the number of repeats in a window to the variance for random repeats, for a log
+    with a regular pattern. Random repeats have a ratio of 1 ± 0.3."""
+    written_twice: float = 0.1
+    """Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
+    were written twice (tests/test_inspection.py)."""
+
+
+LIMITS = RepeatLimits()
+
 _PER_WINDOW, _WINDOWS = 30, 10
 """Expected number of repeats in such a window, and smallest number of windows."""
 
@@ -64,31 +73,32 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     """
     same = repeats(list(axes), begins)
     changes = np.flatnonzero(~same)
-    if np.mean(same) < _RARE or changes.size < _FEWEST:
+    if np.mean(same) < LIMITS.least_share or changes.size < LIMITS.least_changes:
         return None
     lengths = np.diff(changes)
-    lengths = lengths[lengths <= _LONGER * np.median(lengths)]  # without the samples at which the output froze
+    # Without the samples at which the output froze.
+    lengths = lengths[lengths <= LIMITS.longest_run * np.median(lengths)]
     every = float(np.mean(lengths))
     share = 1 - 1 / every
     # How often a value returns after one other value: never for a fine output, often for a coarse one.
     returns = np.ones(changes.size - 2, dtype=np.bool_)
     for values in axes:
         returns &= values[changes[2:]] == values[changes[:-2]]
-    by_chance = float(np.mean(returns)) > _CHANCE * share
+    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
-    if by_chance or share < _RARE:
+    if by_chance or share < LIMITS.least_share:
         return None
-    if abs(duplicates - np.mean(same)) < _TWICE * duplicates:
+    if abs(duplicates - np.mean(same)) < LIMITS.written_twice * duplicates:
         return Repeats("twice", float(1 / (1 - np.mean(same))))
     return Repeats("held", every) if _is_regular(same, share) else Repeats("lost")
 
 
 def _common_multiple(lengths: Indices) -> int:
     """Return the largest k of which almost all lengths of runs are multiples; 1 if there is none."""
-    for k in range(min(int(np.median(lengths)), _MOST), 1, -1):
-        if np.mean(lengths % k == 0) >= _MULTIPLES:
+    for k in range(min(int(np.median(lengths)), LIMITS.most_repeats), 1, -1):
+        if np.mean(lengths % k == 0) >= LIMITS.multiple_share:
             return k
     return 1
 
@@ -97,9 +107,9 @@ def _is_regular(same: Mask, share: float) -> bool:
     """Return whether the numbers of repeats in windows vary less than those of random repeats with this share."""
     window = round(_PER_WINDOW / share)
     count = same.size // window
-    if share < _RARELY or count < _WINDOWS:
+    if share < LIMITS.pattern_share or count < _WINDOWS:
         return False
     counts = np.sum(same[: count * window].reshape(count, window), axis=1)
     # The median ignores windows in which the output froze.
     spread = 1.4826 * float(np.median(np.abs(counts - np.median(counts))))
-    return spread**2 < _REGULAR * window * share * (1 - share)
+    return spread**2 < LIMITS.regular_ratio * window * share * (1 - share)
