@@ -90,3 +90,12 @@ def test_no_spectrum_of_a_wavelet_variance():
     found = gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(recording(5e-4)["gyro_x"])}, within="WN + RW")
     assert found.axes["gyro_x"].spectrum is None
     assert "lines:found" not in codes(found)
+
+
+def test_a_peak_of_an_oscillation_of_the_model_is_no_line():
+    truth = "WN(sigma2=4e-6) + OSC(frequency=0.4, quality=40, sigma2=1e-6)"
+    found = gmwm.calibrate(gmwm.simulate({"gyro_x": truth}, rate=50.0, samples=60_000, rng=3))
+    axis = found.axes["gyro_x"]
+    assert [line.frequency for line in axis.spectrum.lines] == [pytest.approx(0.4, rel=0.01)]
+    assert "OSC" in axis.fit.model.terms
+    assert "lines" not in {remark.code for remark in found.remarks}

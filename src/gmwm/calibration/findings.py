@@ -339,14 +339,26 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
     spectrum = found.spectrum
     if spectrum is None:
         return
-    if spectrum.lines:
-        yield _lines(axis, found, spectrum.lines)
+    if lines := tuple(line for line in spectrum.lines if not _is_oscillation(line, found.fit)):
+        yield _lines(axis, found, lines)
     if spectrum.bumps:
         yield Remark.of(
             "resonance-found", axis, frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
             widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
             heights=tuple(bump.height for bump in spectrum.bumps),
         )  # fmt: skip
+
+
+def _is_oscillation(line: Line, fit: Fit) -> bool:
+    """Return whether a line belongs to an oscillation of the model, whose density there is a tenth of its peak at
+    least. Such a peak of some width has many maxima by chance."""
+    rate = fit.wavelet_variance.rate
+    for process in fit.model.processes:
+        if (peak := process.oscillation()) is not None and process.line(rate) is None and peak < rate / 2:
+            density = process.psd([line.frequency, peak], rate)
+            if density[0] >= 0.1 * density[1]:
+                return True
+    return False
 
 
 def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark:
