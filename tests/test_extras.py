@@ -44,6 +44,7 @@ def test_each_library_is_in_its_extra_and_not_in_the_core():
 
 @pytest.mark.parametrize("module", LIBRARIES)
 def test_a_missing_library_names_its_extra(module, monkeypatch):
+    monkeypatch.delitem(sys.modules, module, raising=False)  # another test may have imported it
     monkeypatch.setitem(sys.modules, module.partition(".")[0], None)
     assert not is_installed(module)
     with raises(MissingDependencyError, advises=[f'pip install "gmwm[{LIBRARIES[module].extra}]"']):
