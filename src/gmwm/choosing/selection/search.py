@@ -81,7 +81,7 @@ MOST_OSCILLATORS = 8
 MEMORY = 2000.0
 """An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
 frequencies."""
-LEFT = 0.1
+SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
 for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""
 NARROW = 0.002
@@ -178,7 +178,7 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     target = root @ wv.variance[used]
     table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
     least = _core.nonnegative_least_squares(target, table[:-1])[1]
-    limit = max(chdtri(target.size, REJECTED), LEFT * least)
+    limit = max(chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
     for oscillator in _unit(oscillators):
         table[-1] = oscillator
         if _core.nonnegative_least_squares(target, table)[1] <= limit:
@@ -215,17 +215,16 @@ def _from_spectrum(
             shown = _required_terms(general, wv, spectrum, (), options=options, check=check)
             return _with_filter(choice, shown.choice(BESIDE, options, check, "filter")) if shown.terms else choice
     check()
-    steps, lines, curve, beside = [slow], tuple[Process, ...](), wv, general
-    for bumps in () if spectrum is None else _sets_of_bumps(spectrum):
-        assert spectrum is not None
-        lines, curve, beside = _peaks(spectrum, wv, bumps), wv, general
+    steps, lines, curve, slow_fit = [slow], tuple[Process, ...](), wv, general
+    for lines in _sets_of_peaks(spectrum, wv):
+        curve, slow_fit = wv, general
         if not lines:
             continue
         largest = _largest(SLOW, wv, lines)
         with_lines = nearly_fitted(largest, wv, options.weighting)
         curve = with_oscillator_error(wv, with_lines, lines)
         if curve is not wv:  # the flanks of oscillators do not belong to the shape at high frequencies
-            beside = with_lines = nearly_fitted(largest, curve, options.weighting)
+            slow_fit = with_lines = nearly_fitted(largest, curve, options.weighting)
         bound = Distance.of(with_lines).surely
         if bound >= REJECTED:
             choice = within_family(SLOW, curve, options, required=lines, check=check, entered="lines")
@@ -233,7 +232,7 @@ def _from_spectrum(
         steps.append(SearchStep(family=largest.structure, entered="lines", bound=bound, left="all-rejected"))
         check()
     wv = curve
-    shown = _required_terms(beside, wv, spectrum, lines, options=options, check=check)
+    shown = _required_terms(slow_fit, wv, spectrum, lines, options=options, check=check)
     if not shown.terms:
         return within_family(SLOW, wv, options, check=check, entered="nothing-shown").after(*steps)
     # A shape that was fitted to the wavelet variance does not include white and quantization noise.
@@ -421,11 +420,15 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     return process.with_values(**held, **{process.scale_parameter().name: None})
 
 
-def _sets_of_bumps(spectrum: PowerSpectrum) -> list[list[Bump]]:
-    """Return the bumps that become oscillators, in turn: all, and those that are too narrow for an ARMA process."""
+def _sets_of_peaks(spectrum: PowerSpectrum | None, wv: WaveletVariance) -> Iterator[tuple[Process, ...]]:
+    """Yield the processes of the lines with all bumps, and with those that are too narrow for an ARMA process."""
+    if spectrum is None:
+        return
     every = [bump for bump in spectrum.bumps if CRITICAL < bump.quality < SHARPEST]
     narrow = _narrow_bumps(spectrum)
-    return [every, narrow] if len(every) > len(narrow) else [narrow]
+    if len(every) > len(narrow):
+        yield _peaks(spectrum, wv, every)
+    yield _peaks(spectrum, wv, narrow)
 
 
 def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
@@ -435,9 +438,7 @@ def _narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
     ]
 
 
-def _peaks(
-    spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump], *, flanks: bool = True
-) -> tuple[Process, ...]:
+def _peaks(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump]) -> tuple[Process, ...]:
     """Return sinusoids for the lines and oscillators for these bumps that are large enough at some level, the strongest
     first. A line with a width is an oscillator. Their frequency and quality are fixed, and so is the power of all but
     the strongest of each kind.

@@ -94,30 +94,22 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    jumps = _one_by_one(means, list[float](), list[float]())
+    jumps = _one_by_one(means)
     if not jumps:
         places, gain = _together(means)
         if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
-            jumps = _one_by_one(means, places, [gain / len(places)] * len(places))
+            jumps = _one_by_one(means, places, gain / len(places))
     return jumps
 
 
-def _one_by_one(means: Vector, places: list[float], gains: list[float]) -> list[_Jump]:
+def _one_by_one(means: Vector, places: Sequence[float] = (), gain_of_each: float = 0.0) -> list[_Jump]:
     """Return the jumps at these places, and at further ones, each of which is clear by itself."""
-    y, at = means, np.arange(means.size)
-    shapes = [np.clip(at + 1 - place, 0.0, 1.0) for place in places]
-    likelihood = Likelihood(y)
-    sizes, root = np.empty(0), np.sqrt(likelihood.grid.weights[0])
-
-    def fitted() -> Vector:
-        # The sizes of all jumps together, with the weights of the noise that remains.
-        courses = likelihood.transform(np.vstack(shapes)) * root
-        target = (likelihood.grid.transform @ np.diff(means)) * root
-        return np.asarray(np.linalg.lstsq(courses.T, target, rcond=None)[0], dtype=np.float64)
-
-    if shapes:
-        sizes = fitted()
-        y = np.asarray(means - sizes @ np.vstack(shapes))
+    whole, y, sizes = Likelihood(means), means, np.empty(0)
+    places, gains = list(places), [gain_of_each] * len(places)
+    if places:
+        courses = _courses(places, means.size)
+        sizes = _sizes(whole, courses, np.sqrt(whole.grid.weights[0]))
+        y = np.asarray(means - sizes @ courses)
     while len(places) < MOST:
         likelihood = Likelihood(y)
         gain, place, weights = likelihood.best_step(_FIRST)
@@ -129,10 +121,10 @@ def _one_by_one(means: Vector, places: list[float], gains: list[float]) -> list[
             break  # what is left of a jump in means without noise
         places.append(place)
         gains.append(gain)
-        shapes.append(np.clip(at + 1 - place, 0.0, 1.0))
-        sizes = fitted()
-        y = np.asarray(means - sizes @ np.vstack(shapes))
-    if not places or not _matter(means, np.vstack(shapes)):
+        courses = _courses(places, means.size)
+        sizes = _sizes(whole, courses, root)
+        y = np.asarray(means - sizes @ courses)
+    if not places or not _matter(means, _courses(places, means.size)):
         return []
     return [_Jump(place, float(size), gain) for place, size, gain in zip(places, sizes, gains, strict=True)]
 
@@ -140,8 +132,8 @@ def _one_by_one(means: Vector, places: list[float], gains: list[float]) -> list[
 def _together(means: Vector) -> tuple[list[float], float]:
     """Return the places of several jumps that look like a random walk one by one, and the reduction of −2 log L by all
     of them. They are searched as if the noise was white, and compared with all noise models."""
-    likelihood, at = Likelihood(means), np.arange(means.size)
-    without = float(np.min(likelihood.without().values))
+    whole = Likelihood(means)
+    without, root = float(np.min(whole.without().values)), np.sqrt(whole.grid.weights[0])
     places, best, y = list[float](), (list[float](), 0.0), means
     while len(places) < MOST - 1:
         values = Likelihood(y).with_steps(np.array([0]), slice(_FIRST - 1, means.size - _FIRST))[0]
@@ -149,16 +141,25 @@ def _together(means: Vector) -> tuple[list[float], float]:
         if any(abs(place - other) < 1 for other in places):
             break
         places.append(place)
-        shapes = np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
-        courses = likelihood.transform(shapes)
-        gain = without - likelihood.with_all(courses)
+        courses = _courses(places, means.size)
+        gain = without - whole.with_all(whole.transform(courses))
         excess = gain - _GAIN - _MORE * (len(places) - 1)
         if excess > best[1]:
             best = (list(places), excess)
-        root = np.sqrt(likelihood.grid.weights[0])
-        sizes = np.linalg.lstsq((courses * root).T, likelihood.z * root, rcond=None)[0]
-        y = np.asarray(means - sizes @ shapes)
+        y = np.asarray(means - _sizes(whole, courses, root) @ courses)
     return best
+
+
+def _courses(places: Sequence[float], size: int) -> Matrix:
+    """Return a jump of 1 at each place, as block means (C, n)."""
+    at = np.arange(size)
+    return np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
+
+
+def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
+    """Return the sizes of jumps together, with the square roots of the weights of the noise."""
+    weighted = (likelihood.transform(courses) * root).T
+    return np.asarray(np.linalg.lstsq(weighted, likelihood.z * root, rcond=None)[0], dtype=np.float64)
 
 
 def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
@@ -170,15 +171,15 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
         courses = (likelihood.transform(edges) * root).T
         sizes = np.linalg.lstsq(courses, likelihood.z * root, rcond=None)[0]
         share = float(np.clip(sizes[1] / np.sum(sizes), 0.0, 1.0)) if np.sum(sizes) else 0.5
-        left = float(np.sum((courses @ sizes - likelihood.z * root) ** 2))
-        fits.append((left, block + share))
+        residual = float(np.sum((courses @ sizes - likelihood.z * root) ** 2))
+        fits.append((residual, block + share))
     return min(fits)[1]
 
 
-def _matter(means: Vector, shapes: Matrix) -> bool:
+def _matter(means: Vector, courses: Matrix) -> bool:
     """Return whether jumps raise K beyond what the noise between them shows."""
     likelihood = Likelihood(means)
-    courses = likelihood.transform(shapes)
+    courses = likelihood.transform(courses)
     with_jumps, _ = likelihood.walk(courses[:0], alone=True)
     _, limit = likelihood.walk(courses, alone=True)
     return with_jumps > _MATTERS**2 * limit

@@ -93,13 +93,14 @@ class OSC(Process):
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variances (n, J) for σ² = 1; for the Haar filter in closed form."""
-        natural, ratio = 2.0 * math.pi / as_rate(rate) * np.asarray(nonlinear)[:, 0], 0.5 / np.asarray(nonlinear)[:, 1]
-        turn = natural * np.sqrt((1.0 - ratio) * (1.0 + ratio))
+        frequency, quality = np.asarray(nonlinear).T
+        natural = 2.0 * math.pi / as_rate(rate) * frequency
+        damping, turn = (natural * part for part in _relative_rates(quality))
         if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
         if natural.size == 1:
-            return _fixed_shape(float(natural[0] * ratio[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
-        return exponential.oscillation_shape(natural * ratio, turn, np.ldexp(1.0, as_levels(levels) - 1))
+            return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
+        return exponential.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k)."""
@@ -194,9 +195,15 @@ class OSC(Process):
 
     def _rates(self) -> tuple[float, float]:
         """Return the damping a and the angular frequency ω (1/s)."""
-        natural, quality = 2.0 * math.pi * self.value("frequency"), self.value("quality")
-        ratio = 0.5 / quality
-        return natural * ratio, natural * math.sqrt((1.0 - ratio) * (1.0 + ratio))
+        ratio, turn = _relative_rates(np.asarray(self.value("quality")))
+        natural = 2.0 * math.pi * self.value("frequency")
+        return natural * float(ratio), natural * float(turn)
+
+
+def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
+    """Return the damping a and the angular frequency ω, relative to ω₀."""
+    ratio = 0.5 / quality
+    return ratio, np.sqrt((1.0 - ratio) * (1.0 + ratio))
 
 
 @lru_cache(maxsize=256)
@@ -209,8 +216,7 @@ def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix
 @lru_cache(maxsize=256)
 def _recursion(step: float, quality: float) -> tuple[Matrix, Matrix]:
     """Return e^(AΔt) and the covariance of the process noise for σ² = 1, for the angle ω₀Δt of a step."""
-    ratio = 0.5 / quality
-    turn = math.sqrt((1.0 - ratio) * (1.0 + ratio))
+    ratio, turn = (float(part) for part in _relative_rates(np.asarray(quality)))
 
     def transition(angle: Vector) -> NDArray[np.float64]:
         """Return e^(At) (2, 2, n) at the angles ω₀t."""
