@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm as package
-from gmwm.cli.conditions import ConditionTable
+from gmwm.cli.conditions import read_table
 
 TABLE = "start,stop,rate\n0,40,0\n45,95,50\n100,145,100\n150,190,0\n"
 
@@ -76,7 +76,7 @@ def test_varies_needs_a_table_of_the_same_condition(gmwm, turned):
 
 
 def test_parts_at_one_condition_are_joined_in_order(turned):
-    table = ConditionTable.read(turned / "rates.csv")
+    table = read_table(turned / "rates.csv")
     assert table.condition == "rate"
     assert table.parts == {0.0: [(0.0, 40.0), (150.0, 190.0)], 50.0: [(45.0, 95.0)], 100.0: [(100.0, 145.0)]}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.documents import TEXTS, Documented, entries_of
 from gmwm.base.kinds import array_type, field_types
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Remark, Severity
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Schema = dict[str, Any]
@@ -21,7 +21,7 @@ _SIMPLE: Mapping[Any, str] = {
 REMARK: Schema = {
     "type": "object",
     "properties": {
-        "code": {"type": "string"}, "severity": {"enum": ["unusable", "wrong", "biased", "uncertain", "info"]},
+        "code": {"type": "string"}, "severity": {"enum": [severity.name.lower() for severity in Severity]},
         "subject": {"type": "string"}, "facts": {"type": "object"}, "text": {"type": "string"},
     },
     "required": ["code", "severity", "subject", "facts", "text"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
@@ -176,12 +177,13 @@ def _measure_recording(
     accumulators: dict[str, AxisAccumulator] = {}
     shares: dict[str, MeasuredAxis] = {}
     inspections, findings = list[Inspection](), list[tuple[object, ...]]()
-    pieces = [
+    pieces = deque(
         piece
         for part in recordings.parts[name]
         for piece in (repaired(part) if options.repeated == "auto" else (part,))
-    ]
-    for part in pieces:
+    )
+    while pieces:
+        part = pieces.popleft()
         axes = [axis for axis in recordings.axes if axis in part.axes]
         if not axes:
             continue  # repairs have divided the recording, and this part has only axes that are not calibrated
@@ -196,7 +198,7 @@ def _measure_recording(
         if start := _warm_up(inspection, options):
             late = {trend.axis for trend in inspection.trends if trend.settles and not trend.is_small}
             if steadier := [axis for axis in part.axes if axis not in late]:
-                # A warm-up of one axis costs the others nothing. The list grows while it is iterated over.
+                # A warm-up of one axis costs the others nothing.
                 pieces.append(only_axes(part, steadier))
                 part, steady = (only_axes(recording, sorted(late)) for recording in (part, steady))
                 axes = [axis for axis in axes if axis in late]

@@ -35,9 +35,8 @@ class ConditionTable:
     parts: Mapping[float, list[tuple[float, float]]]
 
     @classmethod
-    def read(cls, path: Path) -> ConditionTable:
-        """Read a CSV file with the columns start, stop and the condition."""
-        head, rows = _rows(path)
+    def of_rows(cls, head: list[str], rows: list[list[float]], path: Path) -> ConditionTable:
+        """Return the table of a CSV file with the columns start, stop and the condition."""
         if len(head) != 3 or head[:2] != ["start", "stop"] or not head[2].isidentifier():
             raise ReadError(f"{path} is not {_EXPECTED}", argument="conditions", got=",".join(head))
         parts: dict[float, list[tuple[float, float]]] = {}
@@ -71,9 +70,8 @@ class ConditionCourse:
     values: Vector
 
     @classmethod
-    def read(cls, path: Path) -> ConditionCourse:
-        """Read a CSV file with the columns time and the condition."""
-        head, rows = _rows(path)
+    def of_rows(cls, head: list[str], rows: list[list[float]], path: Path) -> ConditionCourse:
+        """Return the course of a CSV file with the columns time and the condition."""
         times, values = np.array(rows).reshape(-1, 2).T
         if times.size < 2 or np.any(np.diff(times) <= 0):
             raise ReadError(f"{path}: two or more ascending times are needed", argument="conditions")
@@ -111,9 +109,9 @@ def _rows(path: Path) -> tuple[list[str], list[list[float]]]:
 
 def read_table(path: Path) -> ConditionTable | ConditionCourse:
     """Read the table of a condition that was constant in parts of a recording, or that moved."""
-    head, _ = _rows(path)
+    head, rows = _rows(path)
     moves = len(head) == 2 and head[0] == "time" and head[1].isidentifier()
-    return ConditionCourse.read(path) if moves else ConditionTable.read(path)
+    return (ConditionCourse if moves else ConditionTable).of_rows(head, rows, path)
 
 
 def as_varies(texts: Sequence[str]) -> dict[str, str]:
