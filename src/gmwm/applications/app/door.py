@@ -34,13 +34,13 @@ def require_callback(body: Any, callbacks: Mapping[str, Mapping[str, Any]]) -> N
     for kind in ("inputs", "state"):
         items = body.get(kind, [])
         _require(isinstance(items, list) and len(items) == len(callback[kind]), f"it has other {kind}")
-        for item, wanted in zip(items, callback[kind], strict=True):
-            _require_item(item, wanted)
+        for item, expected in zip(items, callback[kind], strict=True):
+            _require_item(item, expected)
     changed = body.get("changedPropIds", [])
     _require(isinstance(changed, list) and len(changed) <= 1000, "its triggers are no list")
     for name in changed:
         _require(
-            isinstance(name, str) and any(_is_name(name, wanted) for wanted in callback["inputs"]), "other trigger"
+            isinstance(name, str) and any(_is_name(name, expected) for expected in callback["inputs"]), "other trigger"
         )
 
 
@@ -54,45 +54,44 @@ def _require_outputs(outputs: Any, output: str) -> None:
     listed = outputs if isinstance(outputs, list) else [outputs]
     _require(all(_is_item(item) and isinstance(item["id"], str) for item in listed), "it has other outputs")
     names = [f"{item['id']}.{item['property'].partition('@')[0]}" for item in listed]
-    wanted = output.strip(".").split("...") if output.startswith("..") else [output]
-    _require(names == [name.partition("@")[0] for name in wanted], "it has other outputs")
+    expected = output.strip(".").split("...") if output.startswith("..") else [output]
+    _require(names == [name.partition("@")[0] for name in expected], "it has other outputs")
 
 
 def _is_item(item: Any) -> bool:
     return isinstance(item, dict) and "id" in item and isinstance(item.get("property"), str)
 
 
-def _require_item(item: Any, wanted: Mapping[str, str]) -> None:
-    """Require that a sent component, or each of a list of components, is the one that is wanted, with a value that it
-    can have."""
-    if not wanted["id"].startswith("{"):
+def _require_item(item: Any, expected: Mapping[str, str]) -> None:
+    """Require that a sent component, or each of a list of components, is the expected one, with a possible value."""
+    if not expected["id"].startswith("{"):
         _require(
-            _is_item(item) and item["id"] == wanted["id"] and item["property"] == wanted["property"], "other input"
+            _is_item(item) and item["id"] == expected["id"] and item["property"] == expected["property"], "other input"
         )
-        require_value(wanted["id"], wanted["property"], item.get("value"))
+        require_value(expected["id"], expected["property"], item.get("value"))
         return
     _require(isinstance(item, list), "an input is no list")
     for member in item:
-        _require(_is_item(member) and member["property"] == wanted["property"], "other input")
-        _require(_matches(member["id"], wanted["id"]), "other input")
-        require_value(member["id"]["type"], wanted["property"], member.get("value"))
+        _require(_is_item(member) and member["property"] == expected["property"], "other input")
+        _require(_matches(member["id"], expected["id"]), "other input")
+        require_value(member["id"]["type"], expected["property"], member.get("value"))
 
 
 def _matches(name: Any, pattern: str) -> bool:
     """Return whether the name of a component belongs to a pattern, such as {"type": "axis", "axis": "gyro_x"}."""
-    wanted = json.loads(pattern)
-    if not isinstance(name, dict) or name.keys() != wanted.keys() or name["type"] != wanted["type"]:
+    keys = json.loads(pattern)
+    if not isinstance(name, dict) or name.keys() != keys.keys() or name["type"] != keys["type"]:
         return False
     return all(isinstance(text, str) and len(text) <= 4000 for text in name.values())
 
 
-def _is_name(name: str, wanted: Mapping[str, str]) -> bool:
+def _is_name(name: str, expected: Mapping[str, str]) -> bool:
     """Return whether a text names a component of an input and its property. The component may have been removed."""
     component, _, prop = name.rpartition(".")
-    if not wanted["id"].startswith("{") or not component.startswith("{"):
-        return (component, prop) == (wanted["id"], wanted["property"])
+    if not expected["id"].startswith("{") or not component.startswith("{"):
+        return (component, prop) == (expected["id"], expected["property"])
     try:
-        return prop == wanted["property"] and _matches(json.loads(component), wanted["id"])
+        return prop == expected["property"] and _matches(json.loads(component), expected["id"])
     except ValueError:
         return False
 

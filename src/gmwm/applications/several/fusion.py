@@ -225,8 +225,8 @@ def losses(gamma: Matrix, *, nonnegative: bool = False) -> Vector:
         return float(weights @ matrix @ weights)
 
     rows = range(len(gamma))
-    left = [least(np.delete(np.delete(gamma, k, axis=0), k, axis=1)) for k in rows]
-    return np.sqrt(np.array(left) / least(gamma))
+    reduced = [least(np.delete(np.delete(gamma, k, axis=0), k, axis=1)) for k in rows]
+    return np.sqrt(np.array(reduced) / least(gamma))
 
 
 def best_weights(gamma: Matrix, *, nonnegative: bool = False) -> Vector:

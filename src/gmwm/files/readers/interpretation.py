@@ -172,7 +172,7 @@ def _without(
 ) -> Interpretation:  # fmt: skip
     """Interpret the columns without some axes, and say so in remarks."""
     others = choice.only([axis for axis in choice.axes if axis not in sparse])
-    found = understand(layout, others, rows, path=path, options=options, source=source)
+    interpretation = understand(layout, others, rows, path=path, options=options, source=source)
     columns = ",".join(
         f"{axis}:{layout.channels[choice.columns[axis]].name or choice.columns[axis]}" for axis in sparse
     )
@@ -180,7 +180,7 @@ def _without(
         Remark.of("axis-dead", axis, kind="sparse", value=float(count), rows=most, columns=columns)
         for axis, (count, most) in sparse.items()
     ]
-    return replace(found, remarks=(*of_file(remarks, path), *found.remarks))
+    return replace(interpretation, remarks=(*of_file(remarks, path), *interpretation.remarks))
 
 
 def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *, temperature: bool) -> ColumnChoice:

@@ -452,8 +452,8 @@ def _short(stack: Stack) -> Stack:
     counts = [int(np.count_nonzero(usable_in(Design.of(wv)))) for wv in stack.curves]
     if stack.whole is None:
         return replace(stack, curves=tuple(wv.first(n) for wv, n in zip(stack.curves, counts, strict=True)))
-    whole = stack.whole.first(int(np.count_nonzero(usable_in(Design.of(stack.whole)))))
-    return replace(stack, curves=tuple(wv.first(min(counts)) for wv in stack.curves), whole=whole)
+    coarse = stack.whole.first(int(np.count_nonzero(usable_in(Design.of(stack.whole)))))
+    return replace(stack, curves=tuple(wv.first(min(counts)) for wv in stack.curves), whole=coarse)
 
 
 def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:

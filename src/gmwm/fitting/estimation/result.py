@@ -199,13 +199,13 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
     @property
     def without_lags(self) -> Fit:
         """Fit with the wavelet variances alone, for plots of a fit that has moments at lags."""
-        wanted = self.wavelet_variance.levels > 0
-        if np.all(wanted):
+        scales = self.wavelet_variance.levels > 0
+        if np.all(scales):
             return self
         return replace(
-            self, wavelet_variance=self.wavelet_variance.without_lags, implied=self.implied[wanted],
-            decomposition={term: curve[wanted] for term, curve in self.decomposition.items()},
-            weighting_matrix=self.weighting_matrix[np.ix_(wanted, wanted)],
+            self, wavelet_variance=self.wavelet_variance.without_lags, implied=self.implied[scales],
+            decomposition={term: curve[scales] for term, curve in self.decomposition.items()},
+            weighting_matrix=self.weighting_matrix[np.ix_(scales, scales)],
         )  # fmt: skip
 
     def units(self) -> dict[str, str]:

@@ -89,10 +89,10 @@ class ArimaFit:
         tracks = predict_tracks(self.fit, self.differences, steps)
         added = np.sum([tracks.mean[label] for label in tracks.labels if label != BIAS], axis=0)
         mean = np.empty(steps)
-        known = list(last)
+        series = list(last)
         for k in range(steps):
-            known.append(added[k] - self.operator[1:] @ known[: -self.operator.size : -1])
-            mean[k] = known[-1]
+            series.append(added[k] - self.operator[1:] @ series[: -self.operator.size : -1])
+            mean[k] = series[-1]
         process = self.fit.model.processes[0]
         assert isinstance(process, Lagged)
         phi, theta = process.recursion_polynomials

@@ -52,12 +52,12 @@ class _Sums:
         self.design = design
         self.widths = design.filter.widths(design.levels)
         lags = np.arange(2 * design.samples + 2)
-        known = np.sum([p.generalised_covariance(lags, design.rate) for p in model.processes], axis=0)
-        both = np.concatenate([known[:0:-1], known])
-        wanted = {1, *design.levels[design.levels > 0].tolist()}
+        half = np.sum([p.generalised_covariance(lags, design.rate) for p in model.processes], axis=0)
+        both = np.concatenate([half[:0:-1], half])
+        levels = {1, *design.levels[design.levels > 0].tolist()}
         self.slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
         least = 0.0 if self.slope else NEGLIGIBLE
-        self.against = {level: _against(both, design.samples, 1 << (level - 1), least) for level in wanted}
+        self.against = {level: _against(both, design.samples, 1 << (level - 1), least) for level in levels}
         self.cumulant = sum(process.error_cumulant for process in model.processes)
 
     def entry(self, a: int, b: int) -> float:

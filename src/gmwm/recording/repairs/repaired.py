@@ -145,9 +145,9 @@ class Repair:
 
     def time_base(self, base: TimeBase) -> TimeBase:
         """Return the time base of the samples that were kept. Call it after the last batch."""
-        left = base.left + self.plan.dead / self._old_rate
+        beginning = base.left + self.plan.dead / self._old_rate
         base = replace(base, rate=self.rate, duplicates=0 if self.plan.repeats else base.duplicates)
-        return cut_base(base, self.starts, self.sizes, left)
+        return cut_base(base, self.starts, self.sizes, beginning)
 
     def remarks(self) -> tuple[Remark, ...]:
         """Return remarks on what was changed. Call it after the last batch."""

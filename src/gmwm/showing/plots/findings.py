@@ -77,6 +77,6 @@ def _nearest(imu: Imu, axis: str, times: list[float]) -> NDArray[np.int64]:
     signal = imu[axis]
     if not times:
         return np.empty(0, dtype=np.int64)
-    left = imu.time_base.left if imu.time_base else 0.0
-    since = signal.times(np.arange(len(signal))) - signal.times(np.array([0]))[0] + left
+    beginning = imu.time_base.left if imu.time_base else 0.0
+    since = signal.times(np.arange(len(signal))) - signal.times(np.array([0]))[0] + beginning
     return np.clip(np.searchsorted(since, times), 0, len(signal) - 1)
