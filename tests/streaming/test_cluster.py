@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 import time
 
 import distributed
@@ -301,3 +302,22 @@ def test_a_scheduler_without_workers_is_told():
         pass
     assert [warning.filename for warning in told] == [__file__]
     assert [warning.message.remark.code for warning in told] == ["no-workers"]
+
+
+def test_a_scheduler_that_sends_to_all_while_a_client_registers(client):
+    """Dask's handshake fails where the answer comes in one message with another one: about every third time here."""
+    end = threading.Event()
+
+    def cancel_keys():
+        while not end.is_set():
+            client.cancel([client.submit(str, time.monotonic_ns())], force=True)
+
+    canceller = threading.Thread(target=cancel_keys)
+    canceller.start()
+    try:
+        for _ in range(20):
+            with connect(client.scheduler.address) as other:
+                assert other.scheduler_info(n_workers=-1)["workers"]
+    finally:
+        end.set()
+        canceller.join()

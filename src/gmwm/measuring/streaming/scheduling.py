@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
@@ -94,7 +95,7 @@ def _client(distributed: Any, address: object) -> Any:
     if not isinstance(address, str) or not address.partition("://")[2]:
         raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:
-        client = distributed.Client(address, timeout=SCHEDULER_WAIT_S, set_as_default=False)
+        client = _registered(distributed, address)
     except (OSError, ValueError) as error:
         raise OptionError(
             f"the scheduler at {address} does not answer ({error})",
@@ -104,3 +105,15 @@ def _client(distributed: Any, address: object) -> Any:
     if not client.scheduler_info(n_workers=-1)["workers"]:
         warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
     return client
+
+
+def _registered(distributed: Any, address: str) -> Any:
+    """Register a client with a scheduler. Repeat it while the scheduler sends its answer together with a message to
+    all clients (a cancelled key of another one), which Dask's handshake refuses by an assertion."""
+    deadline = time.monotonic() + SCHEDULER_WAIT_S
+    while True:
+        try:
+            return distributed.Client(address, timeout=SCHEDULER_WAIT_S, set_as_default=False)
+        except AssertionError as error:
+            if time.monotonic() > deadline:
+                raise TimeoutError("it answers to other clients only") from error
