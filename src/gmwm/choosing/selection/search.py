@@ -249,19 +249,21 @@ def _with_shape(
         fit = nearly_fitted(largest_within(BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        error = model_error(fit) if pvalue < REJECTED else 0.0
-        while error <= STATED_MISFIT or (part.is_best and order == HIGHEST_ORDER):
+        judged = _Judged(fit, pvalue, model_error(fit) if pvalue < REJECTED else 0.0)
+        while judged.error <= STATED_MISFIT or (part.is_best and order == HIGHEST_ORDER):
             choice = within_family(
-                BESIDE, wv, options, required=part.terms, check=check, entered=entered,
-                judged=_Judged(fit, pvalue, error),
+                BESIDE, wv, options, required=part.terms, check=check, entered=entered, judged=judged
             )  # fmt: skip
             shaped = replace(_after_slow(choice), band=part.band)
-            if _is_accepted(choice.ranking) or error > STATED_MISFIT:
+            if _is_accepted(choice.ranking) or judged.error > STATED_MISFIT:
                 return shaped
-            error = max(model_error(choice.ranking.recommended.fit), 1.5 * error, 1e-3)
-        if shaped is None or isinstance(shaped, SearchStep):
+            # Every pass increases the error, so the loop ends.
+            error = max(model_error(choice.ranking.recommended.fit), 1.5 * judged.error, 1e-3)
+            judged = judged._replace(error=error)
+        if not isinstance(shaped, ModelChoice):
             shaped = SearchStep(
-                family=fit.model.structure, entered=entered, bound=pvalue, model_error=error, left="all-rejected"
+                family=judged.fit.model.structure, entered=entered, bound=judged.bound, model_error=judged.error,
+                left="all-rejected",
             )  # fmt: skip
     return shaped
 
