@@ -78,7 +78,7 @@ def brief(
         Largest number of texts.
     """
     every = texts(remarks, dialect, codes=codes)
-    if len(every) <= most + 1:
+    if len(every) <= most:
         return every
     return [*every[:most], f"and {len(every) - most} more{f' in {rest}' if rest else ''}"]
 
