@@ -195,11 +195,11 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
-            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             moved = [
                 filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
                 for each in (ratio.moved() if ratio is not None else ())
             ]
+            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
             errors = None

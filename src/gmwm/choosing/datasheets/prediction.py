@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 
@@ -74,14 +74,14 @@ class FilterPrediction:
         near = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
         noises = [p for p in present if p.line(rate) is None]
         ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
-        spectra = [spectrum_of(p, rate) for p in noises if p not in ramps]
         ramp = sum(float(np.diff(p.mean([0, 1]))[0]) ** 2 for p in ramps)
+        moving = tuple(p for p in noises if p not in ramps)
 
         def total(theta: Vector) -> Vector:
-            density = np.sum([spectrum(theta) for spectrum in spectra], axis=0)
-            return np.asarray(density if ratio is None else density * ratio(theta))
+            density = _density(moving, rate, theta.tobytes())
+            return density if ratio is None else np.asarray(density * ratio(theta))
 
-        theta, mass = _quadrature(total, samples) if spectra else (np.empty(0), np.empty(0))
+        theta, mass = _quadrature(total, samples) if moving else (np.empty(0), np.empty(0))
         theta = np.concatenate([theta, [2 * math.pi * cycles for _, cycles in near]])
         return cls(theta, np.concatenate([mass, [power for power, _ in near]]), samples=samples, ramp=ramp)
 
@@ -132,6 +132,14 @@ class FilterGain:
 def is_near(periods: float) -> bool:
     """Return whether a line with this number of periods in the horizon is part of the prediction error."""
     return LEAST_PERIODS <= periods <= MOST_PERIODS
+
+
+@lru_cache(maxsize=256)
+def _density(processes: tuple[Process, ...], rate: float, theta: bytes) -> Vector:
+    """Return the density of several processes. It is cached, because only the factor `ratio` changes between the
+    predictions from which the error of a number follows."""
+    angle = np.frombuffer(theta)
+    return freeze(np.asarray(np.sum([spectrum_of(process, rate)(angle) for process in processes], axis=0)))
 
 
 def spectrum_of(process: Process, rate: float) -> Spectrum:
@@ -218,8 +226,9 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
     theta, mass = _rule(spectrum, low, high)
     for split in range(splits + 1):
         middle = np.sqrt(low * high)
-        halves = [_rule(spectrum, *ends) for ends in ((low, middle), (middle, high))]
-        total = sum(part.sum(axis=1) for _, part in halves)
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        halves, half_masses = _rule(spectrum, low, high)
+        total = half_masses.sum(axis=1).reshape(2, -1).sum(axis=0)
         # Relative accuracy of the integral of a spectrum over each panel.
         done = np.abs(total - mass.sum(axis=1)) <= 1e-10 * np.abs(total)
         if split == splits:
@@ -228,9 +237,8 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
         masses.append(mass[done].ravel())
         if np.all(done):
             break
-        theta, mass = (np.concatenate([part[~done] for part in parts]) for parts in zip(*halves, strict=True))
-        low, middle, high = low[~done], middle[~done], high[~done]
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        coarse = np.tile(~done, 2)
+        theta, mass, low, high = halves[coarse], half_masses[coarse], low[coarse], high[coarse]
     return np.concatenate(thetas), np.concatenate(masses) / math.pi
 
 
