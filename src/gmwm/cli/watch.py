@@ -19,7 +19,7 @@ from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
 from gmwm.cli.watch_status import as_dicts, fit_curves, one_line_of, whole_text
-from gmwm.recording.signals import MINIMUM_SAMPLES
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -16,7 +16,8 @@ from gmwm.applications.several.synchronous import synchronous_signals
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.threads import in_threads
-from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Signal
 
 MOST_BLOCK_MEANS = 1 << 20
 """Largest number of block means. The test then takes less than 5 % of the time of a calibration (0.32 s of 16.8 s)."""

@@ -15,7 +15,8 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.validation import as_rng, as_seed
