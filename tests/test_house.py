@@ -274,7 +274,7 @@ def test_no_source_file_is_too_long() -> None:
 
 def test_commands_are_short_and_return_an_outcome() -> None:
     # Options, one call of the library, an outcome: what is longer is a task that has a function of its own.
-    from gmwm.cli.commands import NAMES
+    from gmwm.cli.main import NAMES
 
     assert len(NAMES) > 10
     lengths, wrong = {}, []
