@@ -6,7 +6,7 @@ import pytest
 
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, messages
-from gmwm.cli.option_names import named_as_options
+from gmwm.cli.options import named_as_options
 from gmwm.cli.output import NewFile, Outcome, collect_warnings, finish, tell, text_file
 
 SHAKEN = Remark.of("gravity-removed", "a.csv")

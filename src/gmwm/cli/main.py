@@ -1,4 +1,4 @@
-"""The command `gmwm` with its subcommands, and the entry point of the script."""
+"""The command `gmwm`, the names and the help of its subcommands, and the entry point of the script."""
 
 from __future__ import annotations
 
@@ -6,14 +6,129 @@ import io
 import os
 import signal
 import sys
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 from types import FrameType
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 from typer.main import get_command
 
-from gmwm.cli.commands import Program, help_text
-from gmwm.cli.errors import Terminated
+from gmwm.base.guests import admit_guests
+from gmwm.cli.errors import OnceCommand, OneLineErrors, Terminated
+from gmwm.cli.output import one_line
+
+NAMES = {
+    "calibrate": "Choose and fit the noise model of each axis, and print its numbers as in a datasheet.",
+    "app": "Calibrate in the browser: look at a recording, leave out time ranges, try models, and download the files.",
+    "fleet": "Calibrate every recording in a folder, and find the units that differ from the others.",
+    "report": "Write a calibration as one HTML page that needs no network, or as a PDF.",
+    "info": "Inspect a recording, and report whether it can be used for a calibration.",
+    "wv": "Print the wavelet variance of each axis, or its Allan deviation.",
+    "allan": "Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.",
+    "psd": "Print the lines and the resonances in the power spectral density of each axis.",
+    "cross": "Test whether the axes of a recording share noise, at which scales, and how much.",
+    "same": "Test whether recordings have the same noise at each scale, or the same parameters of a model.",
+    "fuse": "Fuse the parallel axes of several units into one virtual sensor with less noise.",
+    "compare": "Compare the classical and robust wavelet variances of one or several recordings.",
+    "fit": "Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.",
+    "joint": "Fit one model to several axes at once, including the noise that the axes share.",
+    "select": "Compare all models that are part of a largest model, and recommend one for each axis.",
+    "track": "Estimate the bias and every other process of a model over time, with a Kalman filter.",
+    "residuals": "Test the residuals of a model, which are the standardized innovations of its Kalman filter.",
+    "watch": "Watch a recording while it is written, and show when it is long enough.",
+    "monitor": "Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, "
+    "lost samples.",
+    "agree": "Test whether calibrations of one unit agree with each other, or with a reference.",
+    "consistency": "Test whether a filter with the calibrated noise claims the error that it makes on a recording at "
+    "rest.",
+    "budget": "Compute how attitude, velocity and position errors of unaided inertial navigation grow.",
+    "export": "Write the noise of a calibrated unit in the format of another program.",
+    "explain": "Explain a message: what it means for the results, and what to do.",
+    "plan": "Plan how long to record: print the standard error of each parameter for several durations.",
+    "convert": "Convert a recording to Parquet, CSV, MCAP or .imu.",
+    "simulate": "Simulate a static recording with known noise.",
+    "demo": "Simulate a six-axis IMU, calibrate it, and compare the result with the truth.",
+}
+"""Names of the commands, in the order of the help, with the first sentences of their help, so that the help imports no
+command. The function of a command is in the module with its name."""
+
+
+class Commands(Mapping[str, Any]):
+    """The commands by name, which are imported when they are looked up, and the commands `others` that a script has
+    added."""
+
+    def __init__(self, others: Mapping[str, Any]) -> None:
+        self._loaded = dict(others)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._loaded:
+            if name in NAMES:
+                self._loaded[name] = _load(getattr(import_module(f"gmwm.cli.{name}"), name))
+            else:
+                admit_guests("gmwm.commands", self._admit)
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        admit_guests("gmwm.commands", self._admit)
+        return iter(dict.fromkeys((*NAMES, *self._loaded)))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _admit(self, name: str, function: Any) -> None:
+        """Add a command of another package. Its entry point names a function that returns an Outcome."""
+        if name in (*NAMES, *self._loaded):
+            raise ValueError(f"gmwm has a command {name} already")
+        self._loaded[name] = _load(function)
+
+
+class Program(OneLineErrors):
+    """The command `gmwm` with its subcommands."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands = Commands(self.commands)  # type: ignore[assignment]  # none is added or removed from here on
+        self._lists = False
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Return the names of the commands, without importing those of gmwm."""
+        return [*self.commands]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; for the list of commands, one with its name and its first sentences only."""
+        if self._lists and cmd_name in NAMES:
+            return TyperCommand(cmd_name, help=NAMES[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help, with the list of commands."""
+        self._lists = True
+        super().format_help(ctx, formatter)
+        self._lists = False
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return the names and first sentences of the commands that a shell proposes."""
+        self._lists = True
+        proposals = super().shell_complete(ctx, incomplete)
+        self._lists = False
+        return proposals
+
+
+def help_text(text: str | None) -> str:
+    """Return a docstring with each paragraph on one line, so that the help wraps at the width of the terminal."""
+    return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
+
+
+def _load(function: Any) -> Any:
+    """Return the command of a function, with the examples of its module below the help."""
+    name, examples = function.__name__, getattr(import_module(function.__module__), "EXAMPLES", ())
+    program = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False)
+    epilog = "\n\n".join(("Examples:", *examples)) if examples else None
+    program.command(name, cls=OnceCommand, help=help_text(function.__doc__), epilog=epilog)(function)
+    return typer.main.get_command(program)
+
 
 app = typer.Typer(
     name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeVar
 
 import typer
 
@@ -22,9 +22,24 @@ from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.reporting import warn
 from gmwm.base.text import TEXT_WIDTH
+from gmwm.base.threads import in_threads
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.signals import Signal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+T = TypeVar("T")
+Item = TypeVar("Item", bound=Signal | WaveletVariance)
+
+
+def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
+    """Call a function with the signal or wavelet variance of each axis, in parallel threads. If a call raises an error,
+    the message names the axis. `what` is the label of the progress bar."""
+    with progress(what, len(signals)) as advance:
+        return in_threads(
+            lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gmwm.applications.fleets.discovery import FILE, FleetUnits
-from gmwm.applications.fleets.rows import Row, from_plain
-from gmwm.applications.fleets.table import RUN_AGAIN
+from gmwm.applications.fleets.table import RUN_AGAIN, Row, from_plain
 from gmwm.applications.fleets.unit_job import PART, UnitOptions, stamp_of
 from gmwm.base.atomic_files import read_json, write_text
 from gmwm.base.errors import ReadError

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gmwm.applications.fleets.rows import Row, plain, rows_of
+from gmwm.applications.fleets.table import Row, plain, rows_of
 from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.calibration import Calibration
-from gmwm.calibration.calibrate_recordings import calibrate_recording
+from gmwm.calibration.api import calibrate_recording
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file, stream_file

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from gmwm.applications.monitor.charts import BLOCKS_OF_LEVEL, ChartSettings, differences, white_shape, window
-from gmwm.applications.monitor.finite_state import Finite
 from gmwm.applications.monitor.thresholds import spike_limit
-from gmwm.applications.monitor.whitening import Gain, Whitener
+from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ReadError

@@ -11,7 +11,6 @@ import numpy as np
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.at_conditions import numbers_at
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
     Use,
@@ -19,6 +18,7 @@ from gmwm.choosing.datasheets.effective import (
     effective_noise,
     filter_entries,
     limited,
+    numbers_at,
 )
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.limits import measurable, plausible

@@ -15,7 +15,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.curve import UNBOUNDED_HALF_WIDTH, FitCurve
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.measured_limit import allan_limit
+from gmwm.choosing.datasheets.limits import allan_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.measuring.variance.result import WaveletVariance

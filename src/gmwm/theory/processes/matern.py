@@ -15,13 +15,13 @@ from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import circulant_embedding, smooth_autocovariance
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.bessel import LARGEST_SMOOTHNESS, matern
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
 from gmwm.theory.processes.parameter import Parameter, Value
 from gmwm.theory.processes.short_memory import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
+from gmwm.theory.processes.smooth_autocovariance import LARGEST_SMOOTHNESS, matern
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
