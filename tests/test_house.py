@@ -260,7 +260,10 @@ def test_public_names_say_what_they_are(name: str) -> None:
 
 
 def test_the_figures_of_the_house_stay() -> None:
-    limits = {"entries": 14, "classes": 0, "locals": 1, "participles": 3, "constants": 450, "codes": 110, "upward": 12}
+    limits = {
+        "entries": 14, "classes": 0, "locals": 1, "participles": 3, "constants": 450, "codes": 110, "upward": 12,
+        "modules": 150, "rooms": 25,
+    }  # fmt: skip
     found = figures(PACKAGE)
     assert {name: found[name][0] for name in limits if found[name][0] > limits[name]} == {}
 

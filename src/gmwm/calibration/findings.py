@@ -83,7 +83,7 @@ def verdict_of(calibration: Calibration) -> Remark:
     if len(lost) == axes:
         return Remark.of("verdict", case="unusable", axes=axes, one="yes" if axes == 1 else "no")
     of_symbol = {symbol: counts(verdicts, symbol) for symbol in MAIN}
-    facts: dict[str, Fact] = {"axes": axes} | {f"{symbol}_use": use for symbol, (use, _) in of_symbol.items()}
+    facts: dict[str, Fact] = {"axes": axes, **{f"{symbol}_use": use for symbol, (use, _) in of_symbol.items()}}
     facts["limits"] = tuple(f"{symbol} on {limit}" for symbol, (_, limit) in of_symbol.items() if limit) or ("none",)
     main = [verdict for of_axis in verdicts.values() for symbol, verdict in of_axis.items() if symbol in MAIN]
     reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)

@@ -310,8 +310,8 @@ def run_calibration(
     scheduler: str | None = None, workers: int | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.api import calibrate_recording
     from gmwm.calibration.calibrate_axis import STAGES
+    from gmwm.calibration.calibrate_recordings import calibrate_recording
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes
@@ -328,7 +328,7 @@ def run_calibration(
 
 
 def calibration_helpers(
-    *, plots: bool = False, before: str = "gmwm.calibration.api", count: int | None = None
+    *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate."""
     import_module("scipy.special")  # for the tests of each axis

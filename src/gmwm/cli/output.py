@@ -23,14 +23,15 @@ from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.reporting import warn
 from gmwm.base.text import TEXT_WIDTH
 from gmwm.base.threads import in_threads
-from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.signals import Signal
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Signal
+
 T = TypeVar("T")
-Item = TypeVar("Item", bound=Signal | WaveletVariance)
+Item = TypeVar("Item", bound="Signal | WaveletVariance")
 
 
 def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:

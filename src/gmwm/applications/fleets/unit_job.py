@@ -15,7 +15,7 @@ from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.calibration import Calibration
-from gmwm.calibration.api import calibrate_recording
+from gmwm.calibration.calibrate_recordings import calibrate_recording
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file, stream_file
