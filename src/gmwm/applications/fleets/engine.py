@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm.applications.fleets.discovery import FleetUnits, Recordings, find_units
-from gmwm.applications.fleets.result import Fleet
-from gmwm.applications.fleets.storage import (
+from gmwm.applications.fleets.result import (
     TABLE,
     UNITS,
+    Fleet,
     finished_rows,
     foreign_units,
     remove_unit,

@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from gmwm.applications.monitor.axis import MonitoredAxis, Stillness
-from gmwm.applications.monitor.baseline import Baseline
-from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
-from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.naming import NAMING_S, Fault, naming_time
-from gmwm.applications.monitor.setup import (
+from gmwm.applications.monitor.baseline import (
+    Baseline,
     as_every,
     baselines_of,
     check_rate,
@@ -23,8 +20,10 @@ from gmwm.applications.monitor.setup import (
     models_of,
     remarks_of,
 )
-from gmwm.applications.monitor.stored import number, require_scale, whole
-from gmwm.applications.monitor.whitening import Finite, Gain
+from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
+from gmwm.applications.monitor.events import Event
+from gmwm.applications.monitor.naming import NAMING_S, Fault, naming_time
+from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.documents import plain, plain_fields

@@ -11,8 +11,7 @@ import numpy as np
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
 from gmwm.applications.monitor.events import Kind
 from gmwm.applications.monitor.naming import Fault, History, name_fault
-from gmwm.applications.monitor.stored import number, numbers, whole
-from gmwm.applications.monitor.whitening import Gain, Whitener
+from gmwm.applications.monitor.whitening import Gain, Whitener, number, numbers, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain_fields
 

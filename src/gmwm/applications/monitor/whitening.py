@@ -10,7 +10,7 @@ Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError
@@ -28,6 +27,38 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace
+
+
+def whole(value: Any) -> int:
+    """Check that a value is a whole number, and return it."""
+    if type(value) is not int or abs(value) > 1 << 62:  # sample numbers are 64-bit integers
+        raise ValueError(f"expected a whole number; got {value!r:.50}")
+    return value
+
+
+def require_scale(axis: str, variance: float) -> None:
+    """Raise a ValueError if squares of the innovations of an axis, relative to their variance, would overflow."""
+    if not 1e-100 < variance < 1e100:
+        raise ValueError(f"the innovations of {axis} must have a variance from 1e-100 to 1e100; got {variance:.3g}")
+
+
+def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
+    """Check that `values` contains whole numbers and has the length of `like`, and return the numbers."""
+    if len(values) != len(like):
+        raise ValueError(f"expected {len(like)} whole numbers; got {len(values)}")
+    return tuple(map(whole, values))
+
+
+def number(value: Any) -> float:
+    """Check that a value is a number, and return it as a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e100:
+        raise ValueError(f"expected a number; got {value!r:.50}")
+    return float(value)
+
+
+def numbers(values: Any) -> Vector:
+    """Check that values are finite numbers, and return them as an array (n,)."""
+    return np.array([number(value) for value in values], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import SI_UNIT
-from gmwm.choosing.datasheets.curve import FitCurve
+from gmwm.choosing.datasheets.bias import FitCurve
 from gmwm.choosing.datasheets.limits import variance_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance

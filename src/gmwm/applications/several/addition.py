@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.applications.several.cross import cross_covariance
+from gmwm.applications.several.cross import Curves, cross_covariance
 from gmwm.applications.several.matrices import measure, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import SharedNoise
-from gmwm.applications.several.streamed import Curves
 from gmwm.applications.several.synchronous import synchronous_signals
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError

@@ -13,11 +13,16 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
+from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
+from gmwm.choosing.datasheets.filter_numbers import (
+    LEAST_PERIODS,
+    FilterGain,
+    FilterNumbers,
+    FilterPrediction,
+    filter_numbers,
+)
 from gmwm.choosing.datasheets.limits import hidden
-from gmwm.choosing.datasheets.prediction import LEAST_PERIODS, FilterGain, FilterPrediction
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence

@@ -13,9 +13,8 @@ from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import with_article
 from gmwm.base.threads import OneAtATime, one_at_a_time
-from gmwm.measuring.variance.blocks import Statistics, StatisticsCollector
 from gmwm.measuring.variance.rise import RiseSums
-from gmwm.measuring.variance.segment_state import SegmentState
+from gmwm.measuring.variance.segment_state import SegmentState, Statistics, StatisticsCollector
 from gmwm.recording.batches import feed
 from gmwm.recording.signals import Signal
 

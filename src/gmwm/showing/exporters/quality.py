@@ -12,8 +12,7 @@ from gmwm.base.template import fact_text
 from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT, noise_unit
 from gmwm.choosing.datasheets.effective import curve_ratio
-from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
-from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
+from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Number, Rule, SensorNoise, lines_of

@@ -14,8 +14,7 @@ from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import version
 from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
-from gmwm.calibration.first_screen import model_words
-from gmwm.calibration.summary_text import rows_of
+from gmwm.calibration.summary_text import model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
