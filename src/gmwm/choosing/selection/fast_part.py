@@ -18,7 +18,7 @@ from gmwm.fitting.estimation.model_error import nearly_fitted
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.result import PowerSpectrum
-from gmwm.measuring.spectrum.short_memory import SpectralShape, short_memory
+from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
@@ -47,13 +47,13 @@ frequencies."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastPart:
-    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band. `is_best`
-    tells whether no other shape of the same largest order describes the spectrum better."""
+    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band.
+    `is_largest` tells whether there is no shape with more coefficients."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
     band: Mapping[str, float] = field(default_factory=dict)
-    is_best: bool = True
+    is_largest: bool = True
 
 
 def fast_parts(
@@ -78,7 +78,7 @@ def fast_parts(
         fit = nearly_fitted(largest_within(BESIDE, wv, (process, *peaks)), wv, general.weighting)
         yield FastPart(
             wavelet_variance=with_shape_error(wv, fit, shape, process), terms=(process, *peaks),
-            band=band_errors(shape, wv.rate), is_best=shape is best,
+            band=band_errors(shape, wv.rate), is_largest=shape is best and order == HIGHEST_ORDER,
         )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.fast_part import BESIDE, FAST, autoregression, fast_parts
+from gmwm.choosing.selection.fast_part import BESIDE, FAST, FastPart, autoregression, fast_parts
 from gmwm.choosing.selection.peaks import narrow_bumps, oscillating, peak_terms
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
 from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
@@ -54,9 +54,13 @@ in 2 of 1000 recordings."""
 SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
 for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""
-STATED_MISFIT = 0.01
+STATED_MISFIT = 0.0075
 """Largest relative model error with which a shape of low order is used. A shape of a high order is tried beyond it. An
-error of 1 % of the wavelet variance is 0.5 % of N (tests/selection/test_search.py)."""
+error of 0.75 % of the wavelet variance is 0.4 % of N (tests/selection/test_search.py)."""
+CLOSE = 0.05
+"""p-value of the largest model with a shape below which larger shapes are tried first, to save rankings."""
+LEAST_ERROR = 0.001
+"""Smallest error of a model that is not accepted although its family is, far below the error of any level."""
 LOW_ORDER = 2
 """Largest orders p and q of a shape that is tried first: a low-pass filter of two poles, or an average of three
 samples."""
@@ -241,31 +245,46 @@ def _with_shape(
     peaks: _Peaks, spectrum: PowerSpectrum, order: int, options: RankingOptions, check: Callable[[], None],
     entered: Entry = "shape",
 ) -> ModelChoice | SearchStep | None:  # fmt: skip
-    """Return the choice with the peaks and the shape of fewest coefficients, up to this order, that describes the data.
-    If no shape of low order does, return the step that says so; None if the spectrum shows nothing."""
-    shaped: ModelChoice | SearchStep | None = None
+    """Return the choice with the peaks and the shape of fewest coefficients, up to this order, that the test accepts,
+    or that misses the curve by at most `STATED_MISFIT`. If no shape of low order does, return the step that says so;
+    None if the spectrum shows nothing."""
+
+    def ranked(part: FastPart, judged: _Judged) -> ModelChoice:
+        choice = within_family(
+            BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered, judged=judged
+        )  # fmt: skip
+        return replace(_after_slow(choice), band=part.band)
+
+    simplest, last = None, None
     for part in fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
         wv = part.wavelet_variance
         fit = nearly_fitted(largest_within(BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        judged = _Judged(fit, pvalue, model_error(fit) if pvalue < REJECTED else 0.0)
-        while judged.error <= STATED_MISFIT or (part.is_best and order == HIGHEST_ORDER):
-            choice = within_family(
-                BESIDE, wv, options, required=part.terms, check=check, entered=entered, judged=judged
-            )  # fmt: skip
-            shaped = replace(_after_slow(choice), band=part.band)
-            if _is_accepted(choice.ranking) or judged.error > STATED_MISFIT:
+        error = model_error(fit) if pvalue < REJECTED else LEAST_ERROR if pvalue < CLOSE else 0.0
+        last = part, _Judged(fit, pvalue, error)
+        if not error:
+            shaped = ranked(*last)
+            recommended = shaped.ranking.recommended.fit
+            if _is_accepted(shaped.ranking) and (part.is_largest or not _has_filter(recommended)):
                 return shaped
-            # Every pass increases the error, so the loop ends.
-            error = max(model_error(choice.ranking.recommended.fit), 1.5 * judged.error, 1e-3)
-            judged = judged._replace(error=error)
-        if not isinstance(shaped, ModelChoice):
-            shaped = SearchStep(
-                family=judged.fit.model.structure, entered=entered, bound=judged.bound, model_error=judged.error,
-                left="all-rejected",
-            )  # fmt: skip
-    return shaped
+            last = part, last[1]._replace(error=max(model_error(recommended), LEAST_ERROR))
+        if simplest is None and last[1].error <= STATED_MISFIT:
+            simplest = last
+    while simplest is not None:
+        part, judged = simplest
+        shaped = ranked(part, judged)
+        recommended = shaped.ranking.recommended.fit
+        error = model_error(recommended)
+        incomplete = order == LOW_ORDER and _has_filter(recommended)
+        if not incomplete and (_is_accepted(shaped.ranking) or error <= judged.error):
+            return shaped
+        simplest = None if incomplete or error > STATED_MISFIT else (part, judged._replace(error=error))
+        last = part, judged._replace(error=error)
+    if last is None or order == HIGHEST_ORDER:
+        return last and ranked(*last)
+    family, bound, error = last[1].fit.model.structure, last[1].bound, last[1].error
+    return SearchStep(family=family, entered=entered, bound=bound, model_error=error, left="all-rejected")
 
 
 def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions) -> tuple[Fit, float]:
