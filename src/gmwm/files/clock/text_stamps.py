@@ -3,7 +3,8 @@
     2024-05-01T12:00:00.123456789Z   2024-05-01 12:00:00,123+02:00   2024/05/01 12:00:00   20240501T120000   12:00:00.5
 
 05/01/2024 is a day in January in some countries and in May in others: `formats.line_forms` removes it, so that the time
-of day remains. A time with an offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a second are read.
+of day remains. A time with an offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a
+second are read.
 """
 
 from __future__ import annotations
