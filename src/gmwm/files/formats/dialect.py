@@ -155,7 +155,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
         rate=_stated_rate(comments, [line for k, line in body[:start]]), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
-        stamp_parts=find_parts(names, integers, complete), cleaning=cleaning,
+        stamp_parts=find_parts(names, complete), cleaning=cleaning,
     )  # fmt: skip
 
 

@@ -35,8 +35,8 @@ from gmwm.files.columns.columns import ColumnChoice, describe_columns
 from gmwm.files.columns.scale_factors import multiply, offset_counts
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import ReadOptions
-from gmwm.recording.signals import MINIMUM_SAMPLES
 
 T = TypeVar("T")
 
