@@ -37,8 +37,8 @@ _FEWEST = 256
 
 
 class SteepFilter(NamedTuple):
-    """A filter far below the rate: the number of samples to average, and the mean |τ| of its memory in samples, weighted
-    with the autocovariance at the lag τ. Without a filter, the number is 1."""
+    """A filter far below the rate: the number of samples to average, and the mean |τ| of its memory in samples,
+    weighted with the autocovariance at the lag τ. Without a filter, the number is 1."""
 
     length: int = 1
     memory: float = 0.0
