@@ -306,7 +306,10 @@ def measure(
     option contradicts the data."""
     conditions = Asked.of(against)
     if conditions.terms and moments != "haar":
-        raise OptionError(argument="moments", expected="'haar' together with against", got=moments)
+        raise OptionError(
+            argument="moments", expected="'haar' together with against", got=moments,
+            advice="Use `fit_ml(…, against=…)`, which has the errors of maximum likelihood, or leave {--moments} out.",
+        )  # fmt: skip
     several = _several(data)
     if several is None:
         return _measure(cast("Curve", data), rate, robust, efficiency, asked=conditions, moments=moments)
