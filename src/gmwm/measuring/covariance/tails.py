@@ -182,6 +182,12 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     return None if excess is None else excess[np.ix_(places, places)]
 
 
+def with_tails(wv: WaveletVariance, x: Signal) -> WaveletVariance:
+    """Return the curve of a signal with the covariance of heavy tails if it has moments at lags, which are for time
+    series with errors of any law. `calibrate` adds it to wavelet variances, from sums of the inspection."""
+    return wv if wv.without_lags is wv else replace(wv, excess=excess_covariance(x, wv))
+
+
 def _shapes(wv: WaveletVariance) -> Matrix:
     """Return J possible vectors of loadings (J, J). They are 1 up to a level, and then the share of white noise."""
     density = wv.variance * 2.0**wv.levels

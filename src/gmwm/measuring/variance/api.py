@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any, cast, overload
 
 import numpy as np
@@ -197,18 +196,13 @@ def wavelet_variance(
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     filled = 0 if signal is None else signal.filled
     lower, upper = chi_square_limits(variance, eta / loss_factor(filled, sum(lengths)), confidence)
-    wv = WaveletVariance(
+    return WaveletVariance(
         levels=numbers, variance=variance, lower=lower, upper=upper, counts=counts, rate=rate, samples=sum(lengths),
         unit="" if signal is None else signal.unit, axis="" if signal is None else signal.axis, confidence=confidence,
         filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency if robust else None, slope=slope,
         diagnostics=diagnostics, excess=excess, segments=lengths if len(lengths) > 1 else (), filled=filled,
         rise=None if signal is None or len(lengths) == 1 else RiseSums.of(signal).slope(),
     )  # fmt: skip
-    if not wavelet.lags:
-        return wv
-    from gmwm.measuring.covariance.tails import excess_covariance
-
-    return replace(wv, excess=excess_covariance(Signal(segments[0], rate) if signal is None else signal, wv))
 
 
 def variances_alone(
