@@ -8,7 +8,7 @@ from html import unescape
 from pathlib import Path
 
 from gmwm.base.remarks import Dialect, Message, messages
-from gmwm.base.remarks.explanation import cases, sentence_and_advice, severities
+from gmwm.base.remarks.rendering import cases, sentence_and_advice, severities
 from gmwm.base.remarks.registry import SECTIONS
 
 FOLDER = Path(__file__).parent / "messages"
