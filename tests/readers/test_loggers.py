@@ -297,3 +297,26 @@ def test_a_date_and_a_time_under_one_name_in_a_table_with_blanks(tmp_path):
     (path := tmp_path / "log.txt").write_text(text())
     imu = gmwm.read(path)
     assert (imu.rate, len(imu)) == (pytest.approx(RATE), SIZE)
+
+
+def test_the_only_bag_of_a_folder_is_read(tmp_path):
+    """M2DGR has a bag beside the trajectory of the ground truth."""
+    data = mcap(lambda k: {"angular_velocity": vector(GYRO[k])})
+    (tmp_path / "room_01.mcap").write_bytes(data)
+    (tmp_path / "room_01.txt").write_text("1628058816.9 0 0 0 0 0 0 1\n" * 9)
+    assert gmwm.read(tmp_path).axes == ("gyro_x", "gyro_y", "gyro_z")
+    (tmp_path / "room_02.mcap").write_bytes(data)
+    with raises(ReadError, "room_01.mcap, room_02.mcap", code="is-directory"):
+        gmwm.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [(b"{\"a\":" * 5000 + b"1" + b"}" * 5000, "no-numbers"), (b"[{\"a\":1}", "cut-off"),
+     (b"{\"t\": 1, \"gx\": {}}\n" * 20, "no-time")],
+    ids=["nested", "cut", "no numbers"],
+)  # fmt: skip
+def test_json_that_is_no_table_is_an_error(tmp_path, text, code):
+    (path := tmp_path / "log.json").write_bytes(text)
+    with raises(ReadError, code=code) if code != "no-time" else pytest.raises(ReadError):
+        gmwm.read(path)

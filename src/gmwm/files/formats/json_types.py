@@ -6,6 +6,7 @@ in nanoseconds.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,11 +34,18 @@ class JsonType:
     schema: pl.Schema
 
     @classmethod
-    def of(cls, messages: Sequence[bytes]) -> JsonType:
-        """Return the type of the first messages. Numbers are float64, unless they have more than 15 digits."""
+    def of(cls, messages: Sequence[bytes], name: object) -> JsonType:
+        """Return the type of the first messages of `name`: float64 for numbers of at most 15 digits."""
         import polars as pl
 
-        schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
+        messages = [message.replace(b"\n", b" ") for message in messages if is_object(message)]
+        try:
+            schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+            raise ReadError(
+                f"{name} holds no JSON objects ({str(error).splitlines()[0]})", code="no-numbers",
+                advice="Write one object for each sample, in a line of its own.",
+            ) from error  # fmt: skip
         long = re.search(rb"(?<![\d.])\d{16,19}(?![\d.])", b"\n".join(messages[:10])) is not None
         return cls(pl.Schema({name: _plain(kind, long) for name, kind in schema.items()}))
 
@@ -72,7 +80,7 @@ class JsonDecoder:
 
         try:
             table = self.type.table([message.replace(b"\n", b" ") for message in messages])
-        except pl.exceptions.PolarsError as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise ReadError(
                 f"a message is not JSON ({str(error).splitlines()[0]})", code="message-damaged",
                 advice="Copy the file again.",
@@ -84,6 +92,14 @@ class JsonDecoder:
             )
             for name, column in columns.items()
         }
+
+
+def is_object(message: bytes) -> bool:
+    """Return whether a message is a JSON object."""
+    try:
+        return isinstance(json.loads(message), dict)
+    except (ValueError, RecursionError):
+        return False
 
 
 def _plain(kind: Any, long: bool) -> Any:

@@ -17,7 +17,7 @@ from gmwm.files.columns.column_names import is_unit
 Replacement = tuple[bytes, bytes]
 """Pattern and text that replaces it."""
 
-_SAMPLE = 50  # number of lines that show the forms
+_SAMPLE, _WIDTH = 50, 1000  # number of lines that show the forms, and of their first characters
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
 _LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
 _UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
@@ -99,7 +99,7 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     >>> line_forms(["Gyr: 1 2 3 Acc: 4 5 6"] * 4).names[:4]
     ('Gyr_x', 'Gyr_y', 'Gyr_z', 'Acc_x')
     """
-    sample = lines[len(lines) // 2 :][:_SAMPLE]
+    sample = [line[:_WIDTH] for line in lines[len(lines) // 2 :][:_SAMPLE]]
     replacements = list(_times(sample))
     half = len(sample) / 2
     arrows = sum(_ARROW.match(line) is not None for line in sample) > half

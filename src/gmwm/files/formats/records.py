@@ -15,7 +15,7 @@ from typing import BinaryIO, ClassVar
 from gmwm.base.errors import ReadError
 from gmwm.files.contract import Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
-from gmwm.files.formats.json_types import JsonType
+from gmwm.files.formats.json_types import JsonType, is_object
 from gmwm.files.formats.text import Place, TextReader
 
 
@@ -26,17 +26,8 @@ class _JsonSource(ConvertedSource):
     @cached_property
     def type(self) -> JsonType:
         """The type of the first objects."""
-        import polars as pl
-
         with self.inner.open() as file:
-            head = [line for line in islice(_objects(file), 200) if _is_object(line)]
-        try:
-            return JsonType.of(head)
-        except pl.exceptions.PolarsError as error:
-            raise ReadError(
-                f"{self} is not a list of JSON objects ({str(error).splitlines()[0]})", code="no-numbers",
-                advice="Write one object for each sample, in a line of its own.",
-            ) from error  # fmt: skip
+            return JsonType.of(list(islice(_objects(file, self), 200)), self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -51,13 +42,13 @@ class _JsonSource(ConvertedSource):
     def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
         import polars as pl
 
-        objects = _objects(file)
+        objects = _objects(file, self)
         while lines := list(islice(objects, 1 << 14)):
             try:
                 yield self._rows(lines)
-            except pl.exceptions.PolarsError:
+            except (pl.exceptions.PolarsError, pl.exceptions.PanicException):
                 for line in lines:
-                    yield self._rows([line]) if _is_object(line) else line.strip()[:60].replace(b",", b" ") + b"\n"
+                    yield self._rows([line]) if is_object(line) else line.strip()[:60].replace(b",", b" ") + b"\n"
 
     def _rows(self, lines: Sequence[bytes]) -> bytes:
         table = self.type.table(lines)
@@ -68,22 +59,20 @@ class _JsonSource(ConvertedSource):
         return table.select(self.names).write_csv(include_header=False).encode()
 
 
-def _is_object(line: bytes) -> bool:
-    try:
-        return isinstance(json.loads(line), dict)
-    except ValueError:
-        return False
-
-
-def _objects(file: BinaryIO) -> Iterator[bytes]:
+def _objects(file: BinaryIO, name: object) -> Iterator[bytes]:
     """Yield the JSON objects of a file, one in each line."""
     first = file.readline()
     if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
         yield first.removeprefix(b"\xef\xbb\xbf")
-        yield from file
+        yield from (line for line in file if not line.isspace())
         return
-    for entry in json.loads(first + file.read()):
-        yield json.dumps(entry).encode()
+    try:
+        entries = json.loads(first + file.read())
+    except (ValueError, RecursionError) as error:
+        raise ReadError(
+            f"{name} is not complete JSON ({error})", code="cut-off", advice="Copy the file again."
+        ) from error
+    yield from (json.dumps(entry).encode() for entry in entries)
 
 
 @dataclass(frozen=True)
