@@ -56,6 +56,7 @@ CLOCKS = [
           "strftime of C, %p"),
     clock("colon before milliseconds", "Time", lambda time: f"{time:%H:%M:%S:%f}"[:-3], "LabVIEW format strings"),
     clock("dashes between all parts", "Time", lambda time: f"{time:%Y-%m-%d_%H-%M-%S-%f}"[:-3], "names of log files"),
+    clock("digits of a time of day", "UTC (hhmmss.ss)", lambda time: f"{time:%H%M%S.%f}"[:-4], "NMEA 0183, UTC"),
     clock("asctime", "Time", lambda time: f"{time:%a %b %d %H:%M:%S.%f %Y}", "asctime of C"),
 ]  # fmt: skip
 

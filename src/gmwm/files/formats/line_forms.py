@@ -27,6 +27,7 @@ _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
 WEEK = (_WEEK_SECONDS.encode(), b"")
 """Replacement that removes the week from time stamps such as 2190:345600.005."""
 
+_DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
 _DATES = (
     rf"(?<![\d./-])\d\d?([-/. ])(?:\d\d?|{_MONTH})\1\d{{2,4}}[ T_-]+(?=\d\d?:\d\d)",
@@ -101,6 +102,8 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     """
     sample = [line[:_WIDTH] for line in lines[len(lines) // 2 :][:_SAMPLE]]
     replacements = list(_times(sample))
+    if re.search(r"(?i)utc|hhmmss", "".join(lines[: len(lines) // 2][:20])) and all(map(_DIGITS.match, sample)):
+        replacements.append((f"(?m){_DIGITS.pattern}".encode(), rb"\1:\2:\3\4"))
     half = len(sample) / 2
     arrows = sum(_ARROW.match(line) is not None for line in sample) > half
     if arrows:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, ClassVar
 
@@ -27,7 +27,7 @@ class _JsonSource(ConvertedSource):
     def type(self) -> JsonType:
         """The type of the first objects."""
         with self.inner.open() as file:
-            return JsonType.of(list(islice(_objects(file, self), 200)), self)
+            return JsonType.of(list(islice(self.objects(file), 200)), self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -39,10 +39,25 @@ class _JsonSource(ConvertedSource):
         file = self.inner.open()
         return io.BufferedReader(BlockStream(self._blocks(file), file), 1 << 18)
 
+    def objects(self, file: BinaryIO) -> Iterator[bytes]:
+        """Yield the objects of a file, one in each line."""
+        first = file.readline()
+        if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
+            yield first.removeprefix(b"\xef\xbb\xbf")
+            yield from (line for line in file if not line.isspace())
+            return
+        try:
+            entries = json.loads(first + file.read())
+        except (ValueError, RecursionError) as error:
+            raise ReadError(
+                f"{self} is not complete JSON ({error})", code="cut-off", advice="Copy the file again."
+            ) from error
+        yield from (json.dumps(entry).encode() for entry in entries)
+
     def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
         import polars as pl
 
-        objects = _objects(file, self)
+        objects = self.objects(file)
         while lines := list(islice(objects, 1 << 14)):
             try:
                 yield self._rows(lines)
@@ -59,75 +74,29 @@ class _JsonSource(ConvertedSource):
         return table.select(self.names).write_csv(include_header=False).encode()
 
 
-def _objects(file: BinaryIO, name: object) -> Iterator[bytes]:
-    """Yield the JSON objects of a file, one in each line."""
-    first = file.readline()
-    if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
-        yield first.removeprefix(b"\xef\xbb\xbf")
-        yield from (line for line in file if not line.isspace())
-        return
-    try:
-        entries = json.loads(first + file.read())
-    except (ValueError, RecursionError) as error:
-        raise ReadError(
-            f"{name} is not complete JSON ({error})", code="cut-off", advice="Copy the file again."
-        ) from error
-    yield from (json.dumps(entry).encode() for entry in entries)
-
-
 @dataclass(frozen=True)
-class _EchoSource(ConvertedSource):
+class _EchoSource(_JsonSource):
     """The rows of messages that `rostopic echo` or `ros2 topic echo` printed, as text with commas."""
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The names of the columns."""
-        with self.inner.open() as file:
-            return tuple(_joined(next(_messages(file), {})))
-
-    def open(self) -> BinaryIO:
-        """Open the rows, one for each message."""
-        file = self.inner.open()
-        rows = (",".join(_joined(message).get(name, "") for name in self.names) + "\n" for message in _messages(file))
-        return io.BufferedReader(BlockStream((row.encode() for row in rows), file), 1 << 18)
-
-
-def _messages(file: Iterable[bytes]) -> Iterator[dict[str, str]]:
-    """Yield the numbers in each message by their paths."""
-    path: list[tuple[int, str]] = []
-    message: dict[str, str] = {}
-    for raw in file:
-        line = raw.decode("latin-1").rstrip()
-        if line == "---":
-            if message:
-                yield message
-            path, message = [], {}
-            continue
-        key, mark, value = line.partition(":")
-        indent, value = len(key) - len(key.lstrip()), value.strip()
-        if not mark or key.lstrip().startswith("-"):
-            continue
-        path = [*((at, name) for at, name in path if at < indent), (indent, key.strip())]
-        if re.fullmatch(r"[-+]?[\d.]+(?:e[-+]?\d+)?|nan", value, re.IGNORECASE):
-            message[".".join(name for _, name in path)] = value
-    if message:
-        yield message
-
-
-def _joined(message: dict[str, str]) -> dict[str, str]:
-    """Return a message with the seconds and nanoseconds of its stamp as one number."""
-    out = dict(message)
-    for seconds, fraction in (("secs", "nsecs"), ("sec", "nanosec")):
-        if f"header.stamp.{fraction}" in out and f"header.stamp.{seconds}" in out:
-            whole = out.pop(f"header.stamp.{seconds}") + out.pop(f"header.stamp.{fraction}").zfill(9)
-            out = {"header.stamp": whole} | out
-    return out
+    def objects(self, file: BinaryIO) -> Iterator[bytes]:
+        """Yield the numbers in each message by their paths, as a JSON object."""
+        path: list[tuple[int, str]] = []
+        message: dict[str, str] = {}
+        for line in (raw.decode("latin-1").rstrip() for raw in chain(file, [b"---"])):
+            key, mark, value = line.partition(":")
+            indent = len(key) - len(key.lstrip())
+            path = [*((at, name) for at, name in path if at < indent), (indent, key.strip())]
+            if line == "---" and message:
+                yield f"{{{', '.join(f'{json.dumps(name)}: {number}' for name, number in message.items())}}}".encode()
+                message = {}
+            elif mark and re.fullmatch(r"\s*-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", value):
+                message[".".join(name for _, name in path)] = value
 
 
 class _RecordReader(TextReader):
     """Base class of the readers of records."""
 
-    source: ClassVar[type[_JsonSource | _EchoSource]]
+    source: ClassVar[type[_JsonSource]]
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in records: several if a field states the sensor of each record."""
@@ -150,7 +119,7 @@ class JsonReader(_RecordReader):
 
     name: ClassVar[str] = "json"
     extensions: ClassVar[tuple[str, ...]] = (".json", ".jsonl", ".ndjson")
-    source: ClassVar[type[_JsonSource | _EchoSource]] = _JsonSource
+    source: ClassVar[type[_JsonSource]] = _JsonSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if the file begins with an object, or with a list of objects."""
@@ -163,7 +132,7 @@ class EchoReader(_RecordReader):
 
     name: ClassVar[str] = "echo"
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".yaml")
-    source: ClassVar[type[_JsonSource | _EchoSource]] = _EchoSource
+    source: ClassVar[type[_JsonSource]] = _EchoSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if messages with a header are separated by lines of three dashes."""
