@@ -145,6 +145,13 @@ PROGRAMS = [
     Layout("labels with units", "serial monitors of sensor libraries", table(
         "Booting ...", "ax = {A[0]} m/s^2, ay = {A[1]} m/s^2, az = {A[2]} m/s^2, gx = {G[0]} rad/s, gy = {G[1]} rad/s, "
         "gz = {G[2]} rad/s"), "log.txt", options={"rate": RATE}),
+    Layout("lines of Adafruit's examples", "Adafruit MPU6050 library, basic_readings", table(
+        "Adafruit MPU6050 test!\nMPU6050 Found!\nAccelerometer range set to: +-8G\nFilter bandwidth set to: 5 Hz\n",
+        "Acceleration X: {A[0]}, Y: {A[1]}, Z: {A[2]} m/s^2\nRotation X: {G[0]}, Y: {G[1]}, Z: {G[2]} rad/s\n"
+        "Temperature: 26.{k:02d} degC\n"), "serial.log", options={"rate": RATE}),
+    Layout("a title above the axes", "Adafruit BNO08x library for CircuitPython, simpletest", table(
+        "", "Acceleration:\nX: {A[0]}  Y: {A[1]} Z: {A[2]}  m/s^2\nGyro:\nX: {G[0]} Y: {G[1]} Z: {G[2]} rads/s"),
+        "serial.txt", options={"rate": RATE}),
     Layout("logging of Python", "Python documentation, logging: asctime and levelname", table(
         "INFO:root:ready", "{s} INFO gx={G[0]} gy={G[1]} gz={G[2]} ax={A[0]} ay={A[1]} az={A[2]}",
         stamp=lambda time: f"{time:%Y-%m-%d %H:%M:%S,%f}"[:-3]), "log.log", options=SI),

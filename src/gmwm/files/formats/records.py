@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import BinaryIO, ClassVar
 
 from gmwm.base.errors import ReadError
-from gmwm.files.contract import Layout, Mark, Rows, register
+from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
 from gmwm.files.formats.json_types import JsonType, is_object
+from gmwm.files.formats.line_forms import first_of_sample, shape_of
 from gmwm.files.formats.text import Place, TextReader
 
 
@@ -93,10 +94,31 @@ class _EchoSource(_JsonSource):
                 message[".".join(name for _, name in path)] = value
 
 
+@dataclass(frozen=True)
+class _JoinedSource(ConvertedSource):
+    """The lines of each sample, as one line."""
+
+    def open(self) -> BinaryIO:
+        """Open the joined lines."""
+        file = self.inner.open()
+        return io.BufferedReader(BlockStream(self._blocks(file), file), 1 << 18)
+
+    def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
+        with self.inner.open() as begin:
+            first = first_of_sample(begin.read(HEAD_BYTES).decode("latin-1").split("\n")[:-1])
+        sample: list[bytes] = []
+        for line in file:
+            if sample and shape_of(line.decode("latin-1")) == first:
+                yield b" ".join(sample) + b"\n"
+                sample = []
+            sample += [line.strip()] if line.strip() else []
+        yield b" ".join(sample) + b"\n"
+
+
 class _RecordReader(TextReader):
     """Base class of the readers of records."""
 
-    source: ClassVar[type[_JsonSource]]
+    source: ClassVar[type[ConvertedSource]]
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in records: several if a field states the sensor of each record."""
@@ -119,7 +141,7 @@ class JsonReader(_RecordReader):
 
     name: ClassVar[str] = "json"
     extensions: ClassVar[tuple[str, ...]] = (".json", ".jsonl", ".ndjson")
-    source: ClassVar[type[_JsonSource]] = _JsonSource
+    source: ClassVar[type[ConvertedSource]] = _JsonSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if the file begins with an object, or with a list of objects."""
@@ -132,8 +154,22 @@ class EchoReader(_RecordReader):
 
     name: ClassVar[str] = "echo"
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".yaml")
-    source: ClassVar[type[_JsonSource]] = _EchoSource
+    source: ClassVar[type[ConvertedSource]] = _EchoSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if messages with a header are separated by lines of three dashes."""
         return 0.9 if re.match(rb"(?s)\s*header:\s*\n\s+(?:seq|stamp):.*\n---\s*\n", head) else 0.0
+
+
+@register
+class LinesReader(_RecordReader):
+    """Reader of samples with labels in several lines, such as `Acceleration X: …` above `Rotation X: …`."""
+
+    name: ClassVar[str] = "lines"
+    extensions: ClassVar[tuple[str, ...]] = (".txt", ".log")
+    source: ClassVar[type[ConvertedSource]] = _JoinedSource
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0.6, a little more than for other text, if a sample has several lines with labels."""
+        text = b"\0" not in head and b":" in head and bool(first_of_sample(head.decode("latin-1").split("\n")[:-1]))
+        return 0.6 if text else 0.0
