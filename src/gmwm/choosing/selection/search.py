@@ -309,7 +309,7 @@ def _with_filter(
     if spectrum is None or not _has_filter(choice.ranking.recommended.fit):
         return choice
     *before, last = choice.steps
-    steps = []
+    steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
         shaped = _with_shape(peaks, spectrum, order, options, check, "filter")
         if isinstance(shaped, ModelChoice):
