@@ -144,6 +144,18 @@ PROGRAMS = [
     Layout("labels with units", "serial monitors of sensor libraries", table(
         "Booting ...", "ax = {A[0]} m/s^2, ay = {A[1]} m/s^2, az = {A[2]} m/s^2, gx = {G[0]} rad/s, gy = {G[1]} rad/s, "
         "gz = {G[2]} rad/s"), "log.txt", options={"rate": RATE}),
+    Layout("logging of Python", "Python documentation, logging: asctime and levelname", table(
+        "INFO:root:ready", "{s} INFO gx={G[0]} gy={G[1]} gz={G[2]} ax={A[0]} ay={A[1]} az={A[2]}",
+        stamp=lambda time: f"{time:%Y-%m-%d %H:%M:%S,%f}"[:-3]), "log.log", options=SI),
+    Layout("rate in a title", "ST, titles of exported registers", table(
+        _AXES, "{g},{a}", deg=True, g=True, head="LSM6DSO ODR = 100 Hz FS = 250 dps\n"), remarks=("rate-stated",)),
+    Layout("RawSensors of Advanced Navigation", "Advanced Navigation, Logging utility", table(
+        "Unix Time,Microseconds,Accelerometer X (m/s/s),Accelerometer Y (m/s/s),Accelerometer Z (m/s/s),"
+        "Gyroscope X (rad/s),Gyroscope Y (rad/s),Gyroscope Z (rad/s),Magnetometer X (mG),Magnetometer Y (mG)",
+        "1700000000,{us},{a},{g},1,2"), remarks=("time-read",)),
+    Layout("AirSim", "AirSim, sensors of a recording", table(
+        "TimeStamp\tAngularVelX\tAngularVelY\tAngularVelZ\tLinearAccX\tLinearAccY\tLinearAccZ", "{ns}\t{g}\t{a}"),
+        options=SI),
     Layout("units in cells", "exports of databases of time series", table(
         "time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z",
         "{ms} ms,{G[0]} dps,{G[1]} dps,{G[2]} dps,{A[0]} g,{A[1]} g,{A[2]} g", deg=True, g=True)),

@@ -15,7 +15,7 @@ from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress
 from gmwm.base.text import counted
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.additions import axis_additions, recording_additions
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.data import AxisInput, Recordings
@@ -251,6 +251,7 @@ def _results(
         except GmwmError as error:
             return error
 
+    return_memory()  # of the stage before, which needed other sizes of arrays
     results = in_threads(result_or_error, items, threads=threads)
     failed.update({axis: item for axis, item in results.items() if isinstance(item, GmwmError)})
     return {axis: item for axis, item in results.items() if not isinstance(item, GmwmError)}

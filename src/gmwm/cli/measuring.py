@@ -150,6 +150,7 @@ def measure_together(
 ) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
     """Return the data to fit for each axis: signals or wavelet variances of one recording, or pooled ones of
     several."""
+    from gmwm.measuring.covariance.tails import with_tails
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
     from gmwm.measuring.variance.result import WaveletVariance
@@ -165,7 +166,8 @@ def measure_together(
     def curve(data: Signal | WaveletVariance) -> WaveletVariance:
         if isinstance(data, WaveletVariance):
             return data
-        return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        return with_tails(wv, data)
 
     return {axis: pool({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 

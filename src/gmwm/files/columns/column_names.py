@@ -15,7 +15,7 @@ from gmwm.files.contract import Channel
 
 _GYRO = {
     "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
-    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr", "angularvel",
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",

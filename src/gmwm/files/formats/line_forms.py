@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from gmwm.files.clock.text_stamps import is_time_of_day
 from gmwm.files.columns.column_names import is_unit
 
 Replacement = tuple[bytes, bytes]
@@ -120,7 +121,7 @@ def line_forms(lines: Sequence[str]) -> LineForms:
         replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
         names = (*["time"] * arrows, *names)
         if any(name.endswith("_x") for name in names):
-            replacements.append((rb"[,;]", b" "))
+            replacements.append((rb"[,;](?=\s)", b""))
     return LineForms(tuple(replacements), names, units)
 
 
@@ -140,7 +141,10 @@ def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     head = re.sub(r"^[A-Z]?\s*[\[(]?(\d+(?:\.\d+)?)[\])]?", r"\1", head.strip())
     names: list[str] = []
     if pieces and head and not re.fullmatch(_NUMBER, head):
-        return (), ()
+        names = ["time" if is_time_of_day(word) else "(text)" for word in head.split()]
+        if "time" not in names:
+            return (), ()
+        head = ""
     for label, body in zip(["time", *pieces[::2]], [head, *pieces[1::2]], strict=True):
         values = re.findall(_VALUE, body)
         if re.sub(r"[\s,;|()\[\]{}]", "", re.sub(_VALUE, "", body)) or not all(
