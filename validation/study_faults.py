@@ -63,7 +63,7 @@ Row = dict[str, Any]
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Remarks on clean and faulty recordings, and N of the faulty ones."""
-    clean, faulty = (3, 1) if reduced else (30, 11)
+    clean, faulty = (3, 1) if reduced else (20, 6)
     kinds = ("held_4", "jump_white") if reduced else tuple(faults.FAULTS)
     return {
         "clean_recordings": clean, "recordings": faulty, "samples": SAMPLES, "rate": faults.RATE,
@@ -130,7 +130,7 @@ def table(result: dict[str, Any]) -> str:
         f"{result['recordings']} recordings with each fault and {result['clean_recordings']} clean ones of each kind "
         f"are simulated in plain NumPy, with {result['samples']} samples at {result['rate']:g} Hz. The table shows how "
         "often the remark names the fault, how often N can be used or is a bound, and the median of N over the truth "
-        "and the coverage of its 95 % interval in these recordings. The last column is the share of recordings in which "
+        "and the coverage of its 95 % interval in these recordings. The last column is the share in which "
         "K is inside its interval or below its bound, or must not be used.",
         "",
         "| fault | remark | named | N used | N bound | N / truth | covered | K right |",
