@@ -130,8 +130,8 @@ def table(result: dict[str, Any]) -> str:
         f"{result['recordings']} recordings with each fault and {result['clean_recordings']} clean ones of each kind "
         f"are simulated in plain NumPy, with {result['samples']} samples at {result['rate']:g} Hz. The table shows how "
         "often the remark names the fault, how often N can be used or is a bound, and the median of N over the truth "
-        "and the coverage of its 95 % interval in these recordings. The last column is the share in which "
-        "K is inside its interval or below its bound, or must not be used.",
+        "and the coverage of its 95 % interval in these recordings. The last column is the share of recordings in "
+        "which K is inside its interval or below its bound, or must not be used.",
         "",
         "| fault | remark | named | N used | N bound | N / truth | covered | K right |",
         "|---|---|---|---|---|---|---|---|",

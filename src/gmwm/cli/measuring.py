@@ -74,7 +74,7 @@ def open_recording(
 def needs_memory(filter: str, transform: str) -> str:
     """Return --filter or --transform if its value needs the whole recording in memory; "" if neither does."""
     if filter != "haar":
-        return f"--filter {filter}"
+        return f"{'--moments' if 'lags' in filter else '--filter'} {filter}"
     return f"--transform {transform}" if transform != "modwt" else ""
 
 
@@ -103,7 +103,8 @@ def memory_for(against: str, other: str = "") -> str:
     """Return --against if its value needs the whole recording in memory, otherwise `other`."""
     if other and against != NONE:
         reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
-        raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
+        instead = ", or use {--likelihood} instead of the lags" if other.startswith("--moments") else ""
+        raise OptionError(reason, argument="against", got=against, advice=f"Leave one of them out{instead}.")
     exact = any(term.exact for term in Asked.of(against).terms)
     return f"--against {against}" if exact else other
 
