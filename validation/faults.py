@@ -279,16 +279,6 @@ def dithered(n: int, rng: Rng) -> Array:
 
 
 FAULTS: dict[str, Callable[[int, Rng], Array]] = {
-<<<<<<< HEAD
-    "clipped": clipped, "clipped_both": clipped_both, "full_scale": full_scale, "held_2": held(2), "held_4":
-    held(4), "held_10": held(10), "held_coarse": held_coarse, "polled": polled, "lost": lost, "asleep": asleep,
-    "dead_start": dead_start, "jump": jump, "jump_white": jump_white, "jumps": jumps, "jumps_in_walk":
-    jumps_in_walk, "counter": counter, "counter_exact": counter_exact, "wrapped": wrapped, "wrapped_rare":
-    wrapped_rare, "interpolated": interpolated, "resampled": resampled, "low_passed": low_passed, "cic": cic,
-    "cic_coarse": cic_coarse, "periodic": periodic, "student_3": student(3.0), "student_2.5": student(2.5),
-    "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization, "telegraph": telegraph, "moved_end":
-    moved_end, "dithered": dithered,
-=======
     "clipped": clipped, "clipped_both": clipped_both, "full_scale": full_scale, "held_2": held(2), "held_4": held(4),
     "held_10": held(10), "held_coarse": held_coarse, "polled": polled, "lost": lost, "asleep": asleep,
     "dead_start": dead_start, "jump": jump, "jump_white": jump_white, "jumps": jumps, "jumps_in_walk": jumps_in_walk,
@@ -297,5 +287,4 @@ FAULTS: dict[str, Callable[[int, Rng], Array]] = {
     "cic_coarse": cic_coarse, "periodic": periodic, "student_3": student(3.0), "student_2.5": student(2.5),
     "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization, "telegraph": telegraph,
     "moved_end": moved_end, "dithered": dithered,
->>>>>>> main
 }  # fmt: skip
