@@ -82,7 +82,7 @@ TARGETS = (
            "covariance"),
     Target("fit, intervals and test of AR(2) + 2·GM + RW, 10⁶ samples", "s", 3.3, 0.1,
            lambda r: r.took(WHOLE, "np.cumsum of 10^6"),
-           "descents from the points of a scan, each step a few calls of Python; an exact covariance in each iteration"),
+           "descents from the points of a scan, a few calls of Python a step; an exact covariance in each iteration"),
     Target("model selection, 79 candidates, one axis", "", 185, 60,
            lambda r: r.ratio("selection from a wavelet variance"),
            "a search for each candidate whose optimum no larger candidate gives, an exact covariance for each "
