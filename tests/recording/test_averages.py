@@ -81,3 +81,29 @@ def test_means_do_not_extend_across_gaps_and_do_not_depend_on_chunks(tmp_path):
     assert len(parts) > 1
     assert np.allclose(np.concatenate([part.values["gyro_x"] for part in parts]), whole["gyro_x"].values)
     assert [len(part.runs) for part in parts].count(2) <= 1
+
+
+@pytest.mark.parametrize("step", [0.1, 0.4, 1.0])
+def test_rounding_does_not_hide_a_steep_filter(step):
+    x = _cic(64, 240_000, seed=4)
+    unit = step * float(np.std(x))
+    calibration = gmwm.calibrate(_imu(np.round(x / unit) * unit))
+    assert only(calibration.remarks, "fault-undone:filtered")
+    # The rounding error adds up to 8 % to N² of the output.
+    assert calibration.datasheets["gyro_x"]["N"].value * RATE**0.5 / faults.WHITE == pytest.approx(1, abs=0.1)
+
+
+def test_a_rounded_random_walk_is_not_averaged():
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        walk = np.cumsum(rng.normal(size=120_000)) + rng.uniform(0, 10) * rng.normal(size=120_000)
+        step = 10 ** rng.uniform(-1, 1)
+        (part,) = repaired(_imu(np.round(walk / step) * step))
+        assert part.rate == RATE
+
+
+def test_a_slow_rounded_signal_is_not_interpolated():
+    x = _cic(64, 120_000, seed=5)
+    step = 0.05 * float(np.std(x))
+    (part,) = repaired(_imu(np.round(x / step) * step))
+    assert [remark.facts["case"] for remark in part.remarks] == ["filtered"]

@@ -14,6 +14,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.resolution import step_of
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
 
@@ -32,13 +33,20 @@ shorter than the horizon of N."""
 _SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
 """Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
 between, because a random walk has 36; and number of samples that are averaged to look there."""
+_FALLS_ABOVE_ROUNDING = 4.0
+"""The same ratio if the fast density is that of rounding. The steepness is then examined after averaging."""
+_BLOCKS, _ROUNDING, _FAR, _STEEP = 3, 2.0, 8.0, 0.008
+"""Smallest number of periodograms; largest fast density, relative to that of rounding, of a noise whose fast part is
+below the rounding; multiple of the band at which its density is compared with that at the end of the band; largest
+ratio. A random walk has 0.016, two poles with a step of one standard deviation 0.007
+(tests/recording/test_averages.py)."""
 _FEWEST = 256
 """Smallest number of means."""
 
 
 class SteepFilter(NamedTuple):
-    """A filter far below the rate: the number of samples to average, and the mean |τ| of its memory in samples, weighted
-    with the autocovariance at the lag τ. Without a filter, the number is 1."""
+    """A filter far below the rate: the number of samples to average (1 without one), and the memory of the filter in
+    samples, which is the mean lag |τ| with its autocovariance as weight."""
 
     length: int = 1
     memory: float = 0.0
@@ -47,7 +55,10 @@ class SteepFilter(NamedTuple):
 def steep_filters(batch: Batch) -> dict[str, SteepFilter]:
     """Return the steep filter of each axis."""
     most = max(len(batch) // _FEWEST, 1)
-    filters = {axis: _of_axis(list(signal.segment_values())) for axis, signal in batch.signals.items()}
+    filters = {
+        axis: _of_axis(list(signal.segment_values()), _rounding(signal.values))
+        for axis, signal in batch.signals.items()
+    }
     return {axis: steep._replace(length=min(steep.length, most)) for axis, steep in filters.items()}
 
 
@@ -176,14 +187,27 @@ def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...
     return tuple(Remark.of("fault-undone", axis, case="filtered", **facts) for axis in axes)
 
 
+def _rounding(values: Vector) -> float:
+    """Return the variance of the rounding of an output; 0 if it is coarse, or has no quantization step."""
+    sample = values[: 8 * _LENGTH]
+    step = step_of(sample)
+    return 0.0 if step is None or step > 2 * np.std(sample) else step**2 / 12
+
+
+def _falls_steeply(smooth: Vector, passes: float) -> bool:
+    """Return whether a smoothed density falls faster above the band `passes` than that of a random walk."""
+    near, far = round(passes * _LENGTH / 8) - 1, round(_FAR * passes * _LENGTH / 8)
+    return far < smooth.size and bool(np.median(smooth[far : far + 8]) < _STEEP * smooth[near])
+
+
 def _correlation(share: float) -> float:
     """Return the coefficient θ of the moving average with the correlation (share/2) / (1 − share) of neighbours."""
     correlation = min(share / 2 / (1 - min(share, 0.5)), 0.45)
     return (1 - math.sqrt(1 - 4 * correlation**2)) / (2 * correlation) if correlation > 0 else 0.0
 
 
-def _of_axis(pieces: Sequence[Vector]) -> SteepFilter:
-    """Return the steep filter of an axis, from the samples of each segment."""
+def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
+    """Return the steep filter of an axis, from the samples of each segment and the variance of their rounding."""
     blocks = np.concatenate([x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in pieces])
     if not blocks.size:
         return SteepFilter()
@@ -194,15 +218,20 @@ def _of_axis(pieces: Sequence[Vector]) -> SteepFilter:
     fast, slow, slower = (
         float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW, _SLOWER)
     )
-    if slower > _FALLS * slow > 0:
+    is_rounding = len(blocks) >= _BLOCKS and fast < _ROUNDING * rounding * float(window @ window)
+    if slower > (_FALLS_ABOVE_ROUNDING if is_rounding else _FALLS) * slow > 0:
         # The noise ends at a lower frequency, which shorter means show.
-        steep = _of_axis([x[: x.size - x.size % _SHORT].reshape(-1, _SHORT).mean(axis=1) for x in pieces])
+        means = [x[: x.size - x.size % _SHORT].reshape(-1, _SHORT).mean(axis=1) for x in pieces]
+        steep = _of_axis(means, math.inf if is_rounding else 0.0)
         return SteepFilter(_SHORT * steep.length, _SHORT * steep.memory) if steep.length > 1 else SteepFilter()
-    if not 0 < fast < _EMPTY * slow:
-        return SteepFilter()
     # The highest frequency up to which most of the noise passes, from densities smoothed over 8 frequencies.
     smooth = density[: density.size // 8 * 8].reshape(-1, 8).mean(axis=1)
-    passes = float(np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
+    passing = np.flatnonzero(smooth > _PASSES * slow)
+    if not passing.size:
+        return SteepFilter()
+    passes = float(passing[-1] + 1) * 8 / _LENGTH
+    if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
+        return SteepFilter()
     # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df. S is a parabola in the lower half of the band, and zero above half the
     # rate.
     low = (frequency > passes / 8) & (frequency < passes / 2)

@@ -16,7 +16,7 @@ from gmwm.recording.repairs.repeats import Repeats, repeats_of
 from gmwm.recording.repairs.resampled import slower_rate
 from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
 from gmwm.recording.repairs.wraps import modulus_of, unwrapped
-from gmwm.recording.resolution import count_of
+from gmwm.recording.resolution import count_of, step_of
 
 _BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels", "resampled")
 _FROZEN, _FROZEN_TIMES = 32, 6
@@ -31,6 +31,9 @@ _MOST_DEAD = 0.5
 """Largest share of the recording that is left out at its beginning."""
 _UNLIKELY = 1e-3
 """Largest expected number of straight runs by chance."""
+_OF_STEP, _ON_GRID = 1 << 15, 0.01
+"""Number of samples from which the quantization step is taken; and median distance of the slopes of straight runs from
+whole steps, below which the runs are those of a slow rounded signal."""
 _MOST_STRAIGHT = 0.3
 """Largest share of interpolated samples that are treated as gaps. Above it, the log was resampled."""
 
@@ -224,8 +227,11 @@ def _straight_length(values: Vector, begins: Indices) -> int:
     line = straight(values, begins)
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(float(np.mean(alone)), 1e-6)
-    length = int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share)))
-    return max(length, 3) if length <= _FROZEN else 0
+    length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
+    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[_in_straight_runs(values, begins, length)[1:]]
+    if step is not None and slopes.size and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID:
+        return 0
+    return length if length <= _FROZEN else 0
 
 
 def _in_straight_runs(values: Vector, begins: Indices, least: int) -> Mask:

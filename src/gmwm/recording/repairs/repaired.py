@@ -182,7 +182,7 @@ class Repair:
         return (*undone, *self.remarks_before())
 
     def remarks_before(self) -> tuple[Remark, ...]:
-        """Return the remarks that are known before the samples are read: on two levels, and on a log that was slower."""
+        """Return the remarks that are known before the samples are read: on two levels, and on a slower log."""
         slower = (
             Remark.of("fault-undone", axis, case="resampled", rate=Quantity(share * self._old_rate, "Hz"),
                       log=Quantity(self._old_rate, "Hz"))

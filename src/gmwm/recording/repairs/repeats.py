@@ -86,7 +86,7 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     returns = np.ones(changes.size - 2, dtype=np.bool_)
     for values in axes:
         returns &= values[changes[2:]] == values[changes[:-2]]
-    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share
+    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share or all(_is_slow(x[changes]) for x in axes)
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
@@ -95,6 +95,12 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     if abs(duplicates - np.mean(same)) < LIMITS.written_twice * duplicates:
         return Repeats("twice", float(1 / (1 - np.mean(same))))
     return Repeats("held", every) if _is_regular(same, share, lengths) else Repeats("lost")
+
+
+def _is_slow(levels: Vector) -> bool:
+    """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
+    sizes = np.abs(np.diff(levels))
+    return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
 def _common_multiple(lengths: Indices) -> int:

@@ -67,4 +67,4 @@ def _residual(block: Vector, share: float, phase: float) -> float:
     rows = np.arange(block.size)
     lines[rows, corner], lines[rows, corner + 1] = 1 - (at - corner), at - corner
     residual = block - lines @ np.linalg.lstsq(lines, block, rcond=None)[0]
-    return float(residual @ residual) / max(block.size - lines.shape[1], 1)
+    return float(residual @ residual / max(block.size - lines.shape[1], 1))
