@@ -2,7 +2,8 @@
 
     python -m tests.fuzz --seconds 60 text rosbag
 
-An input follows from its family, the first seed, the number of seeds and its number. Inputs that fail are kept in build/fuzz.
+An input follows from its family, the first seed, the number of seeds and its number. Inputs that fail are kept in
+build/fuzz.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -179,8 +180,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--child", type=int, default=0)
-    parser.add_argument("--module", default="", help="file of another build of the compiled module")
+    parser.add_argument("--module", default="", help="another build of the compiled module, or its folder")
     given = parser.parse_args()
+    if Path(given.module).is_dir() and given.module:
+        given.module = str(next(Path(given.module).glob("_core*.so")))
     if given.child:
         child(given.first, given.child, given.seed, given.module)
         return 0
