@@ -10,7 +10,7 @@ from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.additions import recording_additions
 from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis, choose_model
 from gmwm.calibration.data import AxisInput, Recordings
@@ -115,6 +115,7 @@ def _results(
         except GmwmError as error:
             return error
 
+    return_memory()  # of the stage before, which needed other sizes of arrays
     results = in_threads(result_or_error, items, threads=threads)
     failed.update({axis: item for axis, item in results.items() if isinstance(item, GmwmError)})
     return {axis: item for axis, item in results.items() if not isinstance(item, GmwmError)}

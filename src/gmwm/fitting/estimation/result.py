@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
     from gmwm.applications.navigation import Budget
-    from gmwm.choosing.datasheets.sheet import Datasheet
+    from gmwm.choosing.datasheets.entry import Datasheet
     from gmwm.choosing.replicates import Replicates
 
 GIVEN = "given"

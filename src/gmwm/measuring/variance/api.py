@@ -35,8 +35,9 @@ from gmwm.measuring.variance.transform import (
     pooled_counts,
     variances,
 )
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import as_confidence, one_of
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
 
@@ -246,6 +247,7 @@ def _require_lags(filter: WaveletFilter, transform: Transform, *, robust: bool, 
         raise OptionError(
             argument="filter", expected="without lags for a robust estimate and for the decimated transform",
             got=filter.name,
+            advice="Take outliers out of the signal before, with `gmwm.outliers.cleaned`, or leave the lags out.",
         )  # fmt: skip
     if longest < filter.lags[-1] + 2:
         raise OptionError(
