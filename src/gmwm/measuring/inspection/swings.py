@@ -87,7 +87,7 @@ def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     periods = y.size * length / extent.rate / DAY_S
     fit, harmonics = best_swing(likelihood), 1
     if periods >= _DAYS:
-        day = _fit_of(likelihood, np.arange(1.0, _HARMONICS + 1) * periods)
+        day = _fit_of(likelihood, periods * np.arange(1.0, _HARMONICS + 1))
         if day.gain > fit.gain - _GAIN:
             fit, harmonics = day, _HARMONICS
     if fit.gain < _GAIN * (1 if harmonics == 1 else 1.5):
