@@ -1,0 +1,15 @@
+"""Reduced run of the study of moving conditions."""
+
+import pytest
+
+from validation import study_dynamics
+
+pytestmark = pytest.mark.slow
+
+
+def test_parameters_follow_a_moving_condition(tmp_path):
+    result = study_dynamics.run(reduced=True)
+    assert all(min(row["covered"]) > 0 for row in result["rows"])
+    assert [row["change"] for row in result["rows"]][2:] == [1.0] * 3
+    study_dynamics.draw(result, tmp_path / "dynamics.svg")
+    assert "AR1, quick" in (tmp_path / "dynamics.svg").read_text(encoding="utf-8")
