@@ -22,7 +22,7 @@ from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT
-from gmwm.calibration.calibrate_axis import choose_model, final_fit, given_fit
+from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.passes import Execution

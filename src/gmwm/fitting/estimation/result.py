@@ -252,7 +252,7 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
-        from gmwm.choosing.replicates.compare import compare_recordings
+        from gmwm.choosing.replicates.result import compare_recordings
 
         return compare_recordings(self)
 
