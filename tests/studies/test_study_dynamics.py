@@ -1,0 +1,21 @@
+"""Reduced runs of the studies of moving conditions and of gaps."""
+
+import pytest
+
+from validation import study_dynamics, study_missing
+
+pytestmark = pytest.mark.slow
+
+
+def test_parameters_follow_a_moving_condition(tmp_path):
+    result = study_dynamics.run(reduced=True)
+    assert all(min(row["covered"]) > 0 for row in result["rows"])
+    assert [row["change"] for row in result["rows"]][2:] == [1.0] * 3
+    study_dynamics.draw(result, tmp_path / "dynamics.svg")
+    assert "AR1, quick" in (tmp_path / "dynamics.svg").read_text(encoding="utf-8")
+
+
+def test_gaps_cost_only_their_days():
+    rows = study_missing.run(reduced=True)["rows"]
+    assert all(0.2 < row["ratio"] < 2.5 for row in rows)
+    assert rows[0]["covered"] >= 0.6
