@@ -249,7 +249,7 @@ def _with_shape(
     or that misses the curve by at most `STATED_MISFIT`. If no shape of low order does, return the step that says so;
     None if the spectrum shows nothing."""
 
-    def ranked(part: FastPart, judged: _Judged) -> ModelChoice:
+    def ranked(part: FastPart, judged: _JudgedFamily) -> ModelChoice:
         choice = within_family(
             BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered, judged=judged
         )  # fmt: skip
@@ -262,7 +262,7 @@ def _with_shape(
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
         error = model_error(fit) if pvalue < REJECTED else LEAST_ERROR if pvalue < CLOSE else 0.0
-        last = part, _Judged(fit, pvalue, error)
+        last = part, _JudgedFamily(fit, pvalue, error)
         if not error:
             shaped = ranked(*last)
             recommended = shaped.ranking.recommended.fit
@@ -308,17 +308,17 @@ def _with_filter(
     """Return the choice with the shape of a filter if a term may describe one, and the test accepts the shape."""
     if spectrum is None or not _has_filter(choice.ranking.recommended.fit):
         return choice
-    *before, last = choice.steps
+    (slow,) = choice.steps
     steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
         shaped = _with_shape(peaks, spectrum, order, options, check, "filter")
         if isinstance(shaped, ModelChoice):
             if _is_accepted(shaped.ranking):
-                return shaped.after(*before, replace(last, left="filter-possible", used=False), *steps)
+                return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
             steps += [replace(step, left="rejected", used=False) for step in shaped.steps]
         elif shaped is not None:
             steps.append(shaped)
-    return replace(choice, steps=(*before, replace(last, left="filter-possible" if steps else last.left), *steps))
+    return replace(choice, steps=(replace(slow, left="filter-possible" if steps else slow.left), *steps))
 
 
 def _with_result(step: SearchStep, ranking: Ranking) -> SearchStep:
@@ -346,10 +346,12 @@ def _is_accepted(ranking: Ranking) -> bool:
 
 def _has_filter(fit: Fit) -> bool:
     """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
-    return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
+    return any(
+        process.scale > 0 and not _is_held(process) and acts_as_filter(process, fit) for process in fit.model.processes
+    )
 
 
-class _Judged(NamedTuple):
+class _JudgedFamily(NamedTuple):
     """The fit of the largest model of a family, the upper bound of the p-value of its models, and its model error."""
 
     fit: Fit
@@ -357,7 +359,7 @@ class _Judged(NamedTuple):
     error: float
 
     @classmethod
-    def of(cls, largest: Model, wv: WaveletVariance, weighting: str) -> _Judged:
+    def of(cls, largest: Model, wv: WaveletVariance, weighting: str) -> _JudgedFamily:
         """Fit and test the largest model; the error is 0 if the test may accept one of its models."""
         fit = nearly_fitted(largest, wv, weighting)
         bound = Distance.of(fit).surely
@@ -366,10 +368,10 @@ class _Judged(NamedTuple):
 
 def within_family(
     family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _Judged | None = None,
+    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _JudgedFamily | None = None,
 ) -> ModelChoice:  # fmt: skip
     """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
-    general, bound, error = judged or _Judged.of(largest_within(family, wv, required), wv, options.weighting)
+    general, bound, error = judged or _JudgedFamily.of(largest_within(family, wv, required), wv, options.weighting)
     check()
     # If the largest model has a line without power, the others need not be ranked with it.
     supported = _supported_terms(required, general)
@@ -390,7 +392,7 @@ def within_family(
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
     """Return the result for a single given model, with its model error."""
-    _, bound, error = _Judged.of(without_values(model), wv, options.weighting)
+    _, bound, error = _JudgedFamily.of(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
     step = SearchStep(family=model.structure, entered="model", bound=bound, model_error=error, left="last")
     return _only_choice(ranking, wv, _with_result(step, ranking), tried=())
@@ -407,7 +409,7 @@ def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tri
 
 def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
     """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
-    error = _Judged.of(without_values(model), wv, weighting).error
+    error = _JudgedFamily.of(without_values(model), wv, weighting).error
     near = nearly_fitted(model, having_error(wv, error), weighting)
     return having_error(with_sampling_error(wv, near), error)
 
