@@ -69,7 +69,7 @@ Search search_of(Vector target, Matrix fixed, Matrix root, double rounding, Vect
     along.push_back({row[0], row[1], row[2], row[3], row[4], row[5] != 0, row[6] != 0});
   }
   const double* limit = limits.data();
-  const auto whole = [&](int k) { return static_cast<std::size_t>(std::max(limit[k], 0.0)); };
+  const auto whole = [&](int k) { return static_cast<std::size_t>(limit[k] > 0 ? std::min(limit[k], 1e9) : 0.0); };
   return {gmwm::ExponentialCurve(view(half_scales), along, rate, innovation),
           {limit[0], limit[1], limit[2], limit[3], limit[4], limit[5], whole(6), whole(7),
            {widths.data(), widths.data() + widths.size()}},

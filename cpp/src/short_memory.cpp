@@ -40,6 +40,11 @@ struct Table {
   }
 };
 
+// A place as a whole number; beyond every table if it is no number or too large.
+std::int64_t whole(double place) {
+  return std::abs(place) < 0x1p60 ? static_cast<std::int64_t>(std::floor(place)) : std::int64_t{1} << 60;
+}
+
 // One pair of levels, with h <= L.
 void tabulated(const Table& table, const double* lag, std::size_t count, std::int64_t coarse, double* out) {
   const std::int64_t first = 2 * table.h + table.memory, size = static_cast<std::int64_t>(table.values.size());
@@ -49,7 +54,7 @@ void tabulated(const Table& table, const double* lag, std::size_t count, std::in
     return place >= 0 && place < size ? values[place] : 0.0;
   };
   for (std::size_t i = 0; i < count; ++i) {
-    const std::int64_t u = static_cast<std::int64_t>(std::floor(lag[i]));
+    const std::int64_t u = whole(lag[i]);
     out[i] = at(u) - 2 * at(u - coarse) + at(u - 2 * coarse);
   }
 }
@@ -99,7 +104,7 @@ void short_memory_differences(const Nodes& nodes, std::span<const double> r, std
     const auto found =
         std::find_if(tables.begin(), tables.end(), [h](const Table& t) { return static_cast<double>(t.h) == h; });
     if (found != tables.end())
-      tabulated(*found, &nodes.lag[first], end - first, static_cast<std::int64_t>(hk), &out[first]);
+      tabulated(*found, &nodes.lag[first], end - first, whole(hk), &out[first]);
     else
       separate(tails, density, &nodes.lag[first], end - first, h, hk, &out[first]);
   }
