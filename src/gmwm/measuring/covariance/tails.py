@@ -125,7 +125,8 @@ class TailSums:
     def _add(self, panel: Vector) -> None:
         levels = min(LIMITS.most_levels, int(np.log2(max(panel.size // self._block, 1))))
         count = (panel.size - (1 << levels)) // self._block
-        if levels < 1 or count < 1:
+        # Shorter panels do not resolve the spectral density.
+        if levels < 1 or count < 1 or panel.size < 2 * LIMITS.block:
             return
         y = _block_means(panel, self._block, levels, count)
         if count == (LEAST_PANEL_SAMPLES - (1 << LIMITS.most_levels)) // self._block:
