@@ -63,12 +63,12 @@ def fast_parts(
     """Yield the peaks with each shape of at most this `order` that the spectrum shows beside the slow terms of a fit,
     the one with the fewest coefficients first, and the best one last."""
     check()
-    best = _shape(spectrum, general, before=None, order=order)
+    best = _shape(spectrum, general, wv.rate, None, order)
     if best is not None:  # the slow terms that the shape was fitted beside did not know the shape
         check()
         process = process_of(best)
         slow = nearly_fitted(largest_within(BESIDE, wv, (process, *peaks)), wv, general.weighting)
-        best = _shape(spectrum, slow, before=process, order=order)
+        best = _shape(spectrum, slow, wv.rate, process, order)
     if best is None:
         if peaks:
             yield FastPart(wavelet_variance=wv, terms=(WN(), *peaks))
@@ -101,7 +101,7 @@ def autoregression(wv: WaveletVariance, options: RankingOptions) -> FastPart:
 
 
 def _shape(
-    spectrum: PowerSpectrum, known: Fit, *, before: Process | None, order: int
+    spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None, order: int
 ) -> SpectralShape | None:
     """Fit a shape to the high frequencies that slow terms do not explain; None if too few frequencies can be used."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum

@@ -187,7 +187,7 @@ def _from_spectrum(
             choice = _as_sampled(
                 ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(slow,))
             )
-            return _with_filter(choice, _Peaks((), wv, general), spectrum, options, check=check)
+            return _with_filter(choice, _Peaks((), wv, general), spectrum, options, check)
     check()
     if spectrum is None:
         # A shape that was fitted to the wavelet variance does not include white and quantization noise.
@@ -208,7 +208,7 @@ def _from_spectrum(
                 family = peaks.fit.model.structure
                 steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
             check()
-        shaped = _with_shape(peaks, spectrum, options, check, order=order)
+        shaped = _with_shape(peaks, spectrum, order, options, check)
         if isinstance(shaped, ModelChoice):
             if order == HIGHEST_ORDER or _is_accepted(shaped.ranking):
                 return shaped.after(*steps)
@@ -311,7 +311,7 @@ def _with_filter(
     (slow,) = choice.steps
     steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
-        shaped = _with_shape(peaks, spectrum, options, check, order=order, entered="filter")
+        shaped = _with_shape(peaks, spectrum, order, options, check, "filter")
         if isinstance(shaped, ModelChoice):
             if _is_accepted(shaped.ranking):
                 return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
