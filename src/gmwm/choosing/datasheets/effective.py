@@ -361,9 +361,3 @@ def numbers_at(
         }
         rows.append({fit.condition: float(condition), "N": numbers.N, "K": numbers.K, **times})
     return DataFrame(rows)
-
-
-SLOWEST_FILTER_SAMPLES = 1e10
-"""Default of the longest time constant 1/w of a filter, in samples."""
-_HIGHEST, _PER_DECADE = 1e3, 6
-"""Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""

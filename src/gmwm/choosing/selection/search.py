@@ -245,7 +245,7 @@ def _with_shape(
     or that misses the curve by at most `STATED_MISFIT`. If no shape of low order does, return the step that says so;
     None if the spectrum shows nothing."""
 
-    def ranked(part: FastPart, judged: _TestedFamily) -> ModelChoice:
+    def ranked(part: FastPart, judged: _JudgedFamily) -> ModelChoice:
         choice = within_family(
             BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered, judged=judged
         )  # fmt: skip
@@ -261,7 +261,7 @@ def _with_shape(
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
         error = model_error(fit) if pvalue < REJECTED else least_error if pvalue < close else 0.0
-        last = part, _TestedFamily(fit, pvalue, error)
+        last = part, _JudgedFamily(fit, pvalue, error)
         if not error:
             shaped = ranked(*last)
             recommended = shaped.ranking.recommended.fit
@@ -350,7 +350,7 @@ def _has_filter(fit: Fit) -> bool:
     )
 
 
-class _TestedFamily(NamedTuple):
+class _JudgedFamily(NamedTuple):
     """The fit of the largest model of a family, the upper bound of the p-value of its models, and its model error."""
 
     fit: Fit
@@ -358,7 +358,7 @@ class _TestedFamily(NamedTuple):
     error: float
 
     @classmethod
-    def of(cls, largest: Model, wv: WaveletVariance, weighting: str) -> _TestedFamily:
+    def of(cls, largest: Model, wv: WaveletVariance, weighting: str) -> _JudgedFamily:
         """Fit and test the largest model; the error is 0 if the test may accept one of its models."""
         fit = nearly_fitted(largest, wv, weighting)
         bound = Distance.of(fit).surely
@@ -367,10 +367,10 @@ class _TestedFamily(NamedTuple):
 
 def within_family(
     family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _TestedFamily | None = None,
+    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _JudgedFamily | None = None,
 ) -> ModelChoice:  # fmt: skip
     """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
-    general, bound, error = judged or _TestedFamily.of(largest_within(family, wv, required), wv, options.weighting)
+    general, bound, error = judged or _JudgedFamily.of(largest_within(family, wv, required), wv, options.weighting)
     check()
     # If the largest model has a line without power, the others need not be ranked with it.
     supported = _supported_terms(required, general)
@@ -391,7 +391,7 @@ def within_family(
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
     """Return the result for a single given model, with its model error."""
-    _, bound, error = _TestedFamily.of(without_values(model), wv, options.weighting)
+    _, bound, error = _JudgedFamily.of(without_values(model), wv, options.weighting)
     ranking = rank_models([model], having_error(wv, error), options)
     step = SearchStep(family=model.structure, entered="model", bound=bound, model_error=error, left="last")
     return _only_choice(ranking, wv, _with_result(step, ranking), tried=())
@@ -408,7 +408,7 @@ def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tri
 
 def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVariance:
     """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
-    error = _TestedFamily.of(without_values(model), wv, weighting).error
+    error = _JudgedFamily.of(without_values(model), wv, weighting).error
     near = nearly_fitted(model, having_error(wv, error), weighting)
     return having_error(with_sampling_error(wv, near), error)
 
