@@ -8,7 +8,7 @@ from scipy import signal
 
 import gmwm
 from gmwm import wavelet_variance
-from gmwm.choosing.selection.peaks import FELT, FREE_DISTANCE, UNSEEN_DISTANCE, peak_terms
+from gmwm.choosing.selection.peaks import FELT, UNSEEN_DISTANCE, peak_terms
 from gmwm.measuring.spectrum.line import Line
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
@@ -100,7 +100,6 @@ def test_the_power_of_sidebands_is_added_to_the_line_beside_them():
 def test_a_power_is_fitted_if_the_curve_determines_it_better_than_the_spectrum(deviation, free):
     rng = np.random.default_rng(3)
     x = rng.normal(size=SAMPLES) + resonance(rng, 12.0, 15.0, deviation) + resonance(rng, 1.5, 12.0, 1.5)
-    assert FREE_DISTANCE == 20.0
     terms = sorted(terms_of(x), key=lambda term: term.value("frequency"))
     assert [term.value("frequency") for term in terms] == pytest.approx([1.5, 12.0], rel=0.05)
     assert [term.is_fixed("sigma2") for term in terms] == free

@@ -33,9 +33,6 @@ FEWEST = 24
 MIXED = 0.5
 """The shape at high frequencies is fitted above the first frequency at which slow noise is at most this share of the
 spectral density."""
-FLANK_SHARE = 0.15
-"""The shape is fitted where oscillators are at most this share of the spectral density. An error of 10 % of their
-flanks then changes it by 1.5 %."""
 FAST = 20.0
 """A Gauss-Markov term with a correlation time up to this value (samples) counts as noise at high frequencies. With this
 value, the corner frequency of its spectral density is 1/126 of the sampling rate. The shape is fitted to the density
@@ -63,12 +60,12 @@ def fast_parts(
     """Yield the peaks with each shape of at most this `order` that the spectrum shows beside the slow terms of a fit,
     the one with the fewest coefficients first, and the best one last."""
     check()
-    best = _shape(spectrum, general, wv.rate, None, order)
+    best = _shape(spectrum, general, wv.rate, before=None, order=order)
     if best is not None:  # the slow terms that the shape was fitted beside did not know the shape
         check()
         process = process_of(best)
         slow = nearly_fitted(largest_within(BESIDE, wv, (process, *peaks)), wv, general.weighting)
-        best = _shape(spectrum, slow, wv.rate, process, order)
+        best = _shape(spectrum, slow, wv.rate, before=process, order=order)
     if best is None:
         if peaks:
             yield FastPart(wavelet_variance=wv, terms=(WN(), *peaks))
@@ -101,7 +98,7 @@ def autoregression(wv: WaveletVariance, options: RankingOptions) -> FastPart:
 
 
 def _shape(
-    spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None, order: int
+    spectrum: PowerSpectrum, known: Fit, rate: float, *, before: Process | None, order: int
 ) -> SpectralShape | None:
     """Fit a shape to the high frequencies that slow terms do not explain; None if too few frequencies can be used."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
@@ -109,7 +106,8 @@ def _shape(
     processes = [process for process in known.model.processes if type(process) is not type(before)]
     oscillators = _density([process for process in processes if isinstance(process, OSC)], frequencies, rate)
     slow = oscillators + _density([process for process in processes if _is_slow(process, rate)], frequencies, rate)
-    used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0) & (oscillators <= FLANK_SHARE * density)
+    # Up to this share of oscillators in the density, an error of 10 % of their flanks changes the shape by 1.5 %.
+    used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0) & (oscillators <= 0.15 * density)
     peaks: list[Line | Bump] = [*spectrum.lines, *narrow_bumps(spectrum)]
     for peak in peaks:
         # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape

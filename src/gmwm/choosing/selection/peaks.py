@@ -26,11 +26,6 @@ UNSEEN_DISTANCE = 1.0
 """Peaks are left out if together they change the wavelet variance by at most this distance in standard errors, after
 the powers of the other peaks are fitted. No parameter then changes by more than one standard error
 (tests/selection/test_peaks.py)."""
-UNSEEN_SHARE = 0.05
-"""Share of the wavelet variance below which peaks may be left out: 2.5 % of a density such as N at most."""
-FREE_DISTANCE = 20.0
-"""Distance from which the power of a peak is fitted: an error of 5 % of the power from the spectrum then is one
-standard error of the wavelet variance (tests/selection/test_peaks.py)."""
 MOST_OSCILLATORS = 8
 """Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape."""
 NARROW = 0.002
@@ -75,7 +70,8 @@ def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bum
     for peak in peaks:
         together = absent + root @ peak.share
         left = together - columns @ _coefficients(columns, together)
-        if np.linalg.norm(left) <= UNSEEN_DISTANCE and peak.share.max() < UNSEEN_SHARE:
+        # 5 % of the wavelet variance is 2.5 % of a density such as N.
+        if np.linalg.norm(left) <= UNSEEN_DISTANCE and peak.share.max() < 0.05:
             absent = together
         else:
             terms.append(peak)
@@ -84,7 +80,8 @@ def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bum
     terms = [peak._replace(process=_scaled(peak.process, power)) for peak, power in zip(terms, powers, strict=True)]
     free = {id(next((peak for peak in terms if isinstance(peak.process, kind)), None)) for kind in (SIN, OSC)}
     errors = np.sqrt(2 / wv.degrees_of_freedom)
-    free |= {id(peak) for peak in terms if np.linalg.norm(peak.share / errors) > FREE_DISTANCE}
+    # From 20 standard errors on, an error of 5 % of the power from the spectrum is one standard error of the curve.
+    free |= {id(peak) for peak in terms if np.linalg.norm(peak.share / errors) > 20.0}
     processes = [_with_free_power(peak.process) if id(peak) in free else peak.process for peak in terms]
     oscillators = [process for process in processes if isinstance(process, OSC)]
     return (*(process for process in processes if isinstance(process, SIN)), *oscillators[:MOST_OSCILLATORS])

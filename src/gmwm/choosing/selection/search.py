@@ -57,10 +57,6 @@ for a fit. Accurate curves need it, because the grid is coarse (tests/selection/
 STATED_MISFIT = 0.0075
 """Largest relative model error with which a shape of low order is used. A shape of a high order is tried beyond it. An
 error of 0.75 % of the wavelet variance is 0.4 % of N (tests/selection/test_search.py)."""
-CLOSE = 0.05
-"""p-value of the largest model with a shape below which larger shapes are tried first, to save rankings."""
-LEAST_ERROR = 0.001
-"""Smallest error of a model that is not accepted although its family is, far below the error of any level."""
 LOW_ORDER = 2
 """Largest orders p and q of a shape that is tried first: a low-pass filter of two poles, or an average of three
 samples."""
@@ -187,7 +183,7 @@ def _from_spectrum(
             choice = _as_sampled(
                 ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(slow,))
             )
-            return _with_filter(choice, _Peaks((), wv, general), spectrum, options, check)
+            return _with_filter(choice, _SlowWithPeaks((), wv, general), spectrum, options, check=check)
     check()
     if spectrum is None:
         # A shape that was fitted to the wavelet variance does not include white and quantization noise.
@@ -195,11 +191,11 @@ def _from_spectrum(
         entered: Entry = "shape" if part.terms else "nothing-shown"
         choice = within_family(SLOW, wv, options, required=part.terms, check=check, entered=entered)
         return (_after_slow(choice) if part.terms else choice).after(slow)
-    steps, peaks = [slow], _Peaks((), wv, general)
+    steps, peaks = [slow], _SlowWithPeaks((), wv, general)
     for bumps, order in ((oscillating(spectrum.bumps), LOW_ORDER), (narrow_bumps(spectrum), HIGHEST_ORDER)):
         terms = peak_terms(spectrum, wv, bumps)
         if terms != peaks.terms:
-            peaks = _Peaks.of(terms, general, wv, options)
+            peaks = _SlowWithPeaks.of(terms, general, wv, options)
             bound = Distance.of(peaks.fit).surely
             if terms and bound >= REJECTED:
                 choice = within_family(SLOW, peaks.curve, options, required=terms, check=check, entered="lines")
@@ -208,7 +204,7 @@ def _from_spectrum(
                 family = peaks.fit.model.structure
                 steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
             check()
-        shaped = _with_shape(peaks, spectrum, order, options, check)
+        shaped = _with_shape(peaks, spectrum, options, order=order, check=check)
         if isinstance(shaped, ModelChoice):
             if order == HIGHEST_ORDER or _is_accepted(shaped.ranking):
                 return shaped.after(*steps)
@@ -223,7 +219,7 @@ def _after_slow(choice: ModelChoice) -> ModelChoice:
     return replace(choice, tried=(SLOW, *choice.tried))
 
 
-class _Peaks(NamedTuple):
+class _SlowWithPeaks(NamedTuple):
     """Terms of the peaks of a spectrum, the data with their uncertainty, and the fit of slow processes with them."""
 
     terms: tuple[Process, ...]
@@ -231,7 +227,7 @@ class _Peaks(NamedTuple):
     fit: Fit
 
     @classmethod
-    def of(cls, terms: tuple[Process, ...], slow: Fit, wv: WaveletVariance, options: RankingOptions) -> _Peaks:
+    def of(cls, terms: tuple[Process, ...], slow: Fit, wv: WaveletVariance, options: RankingOptions) -> _SlowWithPeaks:
         """Fit the slow processes with these terms; `slow` is the fit without them."""
         if not terms:
             return cls((), wv, slow)
@@ -242,7 +238,7 @@ class _Peaks(NamedTuple):
 
 
 def _with_shape(
-    peaks: _Peaks, spectrum: PowerSpectrum, order: int, options: RankingOptions, check: Callable[[], None],
+    peaks: _SlowWithPeaks, spectrum: PowerSpectrum, options: RankingOptions, *, order: int, check: Callable[[], None],
     entered: Entry = "shape",
 ) -> ModelChoice | SearchStep | None:  # fmt: skip
     """Return the choice with the peaks and the shape of fewest coefficients, up to this order, that the test accepts,
@@ -255,20 +251,23 @@ def _with_shape(
         )  # fmt: skip
         return replace(_after_slow(choice), band=part.band)
 
+    # A p-value of the largest model below which larger shapes are tried first, to save rankings; and the smallest error
+    # of a model that is not accepted although its family is.
+    close, least_error = 0.05, 0.001
     simplest, last = None, None
     for part in fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
         wv = part.wavelet_variance
         fit = nearly_fitted(largest_within(BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        error = model_error(fit) if pvalue < REJECTED else LEAST_ERROR if pvalue < CLOSE else 0.0
+        error = model_error(fit) if pvalue < REJECTED else least_error if pvalue < close else 0.0
         last = part, _JudgedFamily(fit, pvalue, error)
         if not error:
             shaped = ranked(*last)
             recommended = shaped.ranking.recommended.fit
             if _is_accepted(shaped.ranking) and (part.is_largest or not _has_filter(recommended)):
                 return shaped
-            last = part, last[1]._replace(error=max(model_error(recommended), LEAST_ERROR))
+            last = part, last[1]._replace(error=max(model_error(recommended), least_error))
         if simplest is None and last[1].error <= STATED_MISFIT:
             simplest = last
     while simplest is not None:
@@ -302,7 +301,7 @@ def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: Rank
 
 
 def _with_filter(
-    choice: ModelChoice, peaks: _Peaks, spectrum: PowerSpectrum | None, options: RankingOptions,
+    choice: ModelChoice, peaks: _SlowWithPeaks, spectrum: PowerSpectrum | None, options: RankingOptions, *,
     check: Callable[[], None],
 ) -> ModelChoice:  # fmt: skip
     """Return the choice with the shape of a filter if a term may describe one, and the test accepts the shape."""
@@ -311,7 +310,7 @@ def _with_filter(
     (slow,) = choice.steps
     steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
-        shaped = _with_shape(peaks, spectrum, order, options, check, "filter")
+        shaped = _with_shape(peaks, spectrum, options, order=order, check=check, entered="filter")
         if isinstance(shaped, ModelChoice):
             if _is_accepted(shaped.ranking):
                 return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
