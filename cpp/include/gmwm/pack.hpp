@@ -41,8 +41,7 @@ struct Pack {
   }
 };
 
-#if GMWM_HAS_CLONES
-// A vector of eight doubles, for the clone x86-64-v4 only, with the operations of the Haar kernel.
+// A vector of eight doubles, for the version x86-64-v4 only, with the operations of the Haar kernel.
 struct WidePack {
   static constexpr std::size_t size = 8;
   typedef double Values __attribute__((vector_size(64)));
@@ -56,7 +55,6 @@ struct WidePack {
   GMWM_INLINE WidePack operator*(const WidePack& o) const { return {v * o.v}; }
   GMWM_INLINE double total() const { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
 };
-#endif
 #else
 struct Pack {
   static constexpr std::size_t size = 4;
@@ -84,6 +82,7 @@ struct Pack {
     return {{v[0], low, low + v[2], low + (v[2] + v[3])}};
   }
 };
+using WidePack = Pack;
 #endif
 
 }  // namespace gmwm

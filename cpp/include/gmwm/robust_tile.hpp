@@ -1,4 +1,4 @@
-// The inner loops of the biweight kernel, inlined into every clone (src/robust.cpp) and tested in each.
+// The inner loops of the biweight kernel, inlined into every version (src/robust.cpp) and tested in each.
 #pragma once
 
 #include <algorithm>
