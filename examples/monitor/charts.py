@@ -1,7 +1,9 @@
-"""Charts of the monitor for PlotJuggler and Foxglove: `python examples/monitor/charts.py results/calibration.json unit.bag`.
+"""Charts of the monitor for PlotJuggler and Foxglove.
 
-Writes charts.csv with plotjuggler.xml, and charts.mcap with foxglove.json. Each chart is a statistic over its threshold,
-so that an alarm is at 1; the extremes of the signal are in SI units.
+python examples/monitor/charts.py results/calibration.json unit.bag --output charts
+
+Writes charts.csv with plotjuggler.xml, and charts.mcap with foxglove.json. Each chart is a statistic over its
+threshold, so that an alarm is at 1. The extremes of the signal are in SI units.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from gmwm.monitor import Monitor, Trace
 
 import gmwm
-from gmwm.monitor import Monitor, Trace
 
 CHARTS = {"noise_up": "#d62728", "noise_down": "#1f77b4", "level": "#2ca02c"}
 SIGNAL = {"smallest": "#7f7f7f", "largest": "#7f7f7f"}

@@ -47,6 +47,7 @@ def _print_schema(name: str | None) -> None:
         raise typer.Exit
 
 
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
@@ -73,10 +74,7 @@ def _gmwm(
     ] = False,
     schema: Annotated[
         str | None,
-        typer.Option(
-            callback=_print_schema, is_eager=True, metavar="COMMAND",
-            help="Print the JSON Schema of the output of a command with --json, or of calibration.json.",
-        ),
+        typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP),
     ] = None,
 ) -> None:
     """Print the help if no command is given."""

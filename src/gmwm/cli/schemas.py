@@ -14,8 +14,8 @@ FILE = Path(__file__).with_name("schemas.json")
 
 
 def schema(name: str) -> dict[str, Any]:
-    """Return the schema of the JSON of a command, of the lines that `watch` and `monitor` print before it (monitor-event),
-    or of calibration.json."""
+    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of
+    calibration.json."""
     if name == "calibration.json":
         from gmwm.calibration.result import Calibration
 
