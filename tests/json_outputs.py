@@ -23,8 +23,11 @@ from gmwm.cli import schemas
 
 FOLDER = os.environ.get("GMWM_JSON_OUTPUTS")
 NAMES = re.compile(r"[a-z_][a-z0-9_]*")
-AXIS = re.compile(r"(gyro|accel|mag|baro|temperature|clock)(_[a-z0-9]+)?|imu\d*_.*")
-MAPS = {"axes", "units", "facts", "topics", "slopes", "noise_against", "accuracy", "needed"}
+AXIS = re.compile(r"(gyro|accel)(_[a-z0-9]+)?|imu\d*_.*")
+MAPS = {
+    "axes", "units", "facts", "topics", "slopes", "noise_against", "accuracy", "needed", "recordings", "growth",
+    "knots", "references", "ranges", "terms", "parameters", "confidence_intervals", "failed",
+}  # fmt: skip
 """Keys of objects whose keys are names of the user's or of a model."""
 
 
@@ -93,7 +96,10 @@ class Shape:
         return self
 
     def schema(self, key: str = "") -> dict[str, Any]:
-        """The schema that accepts it; a number may be null, which stands for NaN and infinity."""
+        """The schema that accepts it; a number may be null, which stands for NaN and infinity.
+
+        `key` is "" for a document and for the members of a list or of a map.
+        """
         if key == "remarks" and self.items is not None:
             return {"type": "array", "items": REMARK}
         types = set(self.types)
@@ -109,12 +115,12 @@ class Shape:
                 out["additionalProperties"] = every.schema()
             else:
                 out["properties"] = {name: member.schema(name) for name, member in self.members.items()}
-                required = [name for name, count in self.keys.items() if count == self.objects]
+                required = [name for name, count in self.keys.items() if count == self.objects > (key != "")]
                 out |= {"required": required} if required else {}
         if self.items is not None:
             types.add("array")
             out["items"] = self.items.schema()
-        names = sorted(types)
+        names = sorted(types) if types != {"null"} else []  # the type of a value that was never there is not known
         return ({"type": names[0] if len(names) == 1 else names} if names else {}) | out
 
 

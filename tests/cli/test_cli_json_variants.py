@@ -6,11 +6,11 @@ import pytest
 import gmwm as library
 
 VARIANTS = [
-    "agree {a} {a}",
+    "agree {a} {b}",
     "agree {a} {b} --reference gyro.N=0.15deg/√h",
     "agree {a} --reference gyro.N=0.15deg/√h --reference accel.N=100µg/√Hz",
     "allan {short}",
-    "allan {long} --axis gyro_x --robust",
+    "allan {long} --axis gyro_x --slopes",
     "budget {a} --duration 10s",
     "budget {a} --duration 60s --against {b}",
     "calibrate {short} --axis gyro_x --within WN+RW",
@@ -31,25 +31,25 @@ VARIANTS = [
     "fit {long} -m GM+WN+RW --axis accel_x --robust",
     "fit {short} -m WN+RW --axis gyro_x --ml",
     "fit {faulty} -m AR1+WN --axis gyro",
-    "fleet {fleet}",
+    "fleet {fleet} --output {folder}/lot",
     "fuse {short} {other} {third} --horizon 1s",
     "fuse {short} {other} --horizon 1s-10s --axis gyro_x",
     "info {short}",
     "info {faulty}",
-    "joint {short} --axis gyro -m shared(RW)+WN",
-    "joint {other} --axis accel -m common(WN)+WN",
+    "joint {short} --axis gyro --model shared(RW)+WN",
+    "joint {other} --axis accel --model common(WN)+WN",
     "plan WN(sigma2=1e-6)+RW(gamma2=1e-12) --rate 100 --duration 2h",
-    "plan WN(sigma2=1e-6) --rate 100 --accuracy 10%",
+    "plan WN(sigma2=1e-6) --rate 100 --duration 1h --accuracy 10%",
     "psd {short}",
     "psd {faulty} --axis gyro_x --length 256",
     "report {a} --output {folder}/page.html",
     "residuals {short} -m WN --axis gyro_x",
     "residuals {other} --from-fits {a} --axis gyro",
     "same {short} {other}",
-    "same {short} {third} --axis gyro_x -m WN+RW",
+    "same {short} {third} --axis gyro_x --model WN+RW",
     "select {short} --axis gyro_x --within GM+WN+RW",
     "select {short} {other} --axis gyro_x --within WN+RW",
-    "simulate --gyro WN(sigma2=1e-6) --rate 10 --duration 10s --output {folder}/simulated.csv",
+    "simulate --model gyro=WN(sigma2=1e-6) --rate 10 --duration 10s --output {folder}/simulated.csv",
     "track {short} -m WN+RW --axis gyro_x",
     "track {other} --from-fits {a} --axis gyro --predict 1s",
     "watch {short} --axis gyro_x --idle 0.1s",
@@ -71,7 +71,7 @@ def files(tmp_path_factory):
     paths = {"folder": folder, "fleet": folder / "fleet"}
     paths["fleet"].mkdir()
     for seed, name in enumerate(("short", "other", "third", "long")):
-        samples = 20_000 if name == "long" else 6_000
+        samples = 20_000 if name == "long" else 8_000
         imu = library.simulate(truth, rate=100.0, samples=samples, rng=seed)
         paths[name] = folder / f"{name}.csv"
         imu.write(paths[name])
@@ -87,7 +87,7 @@ def files(tmp_path_factory):
     values["gyro_y"][500:4_000:97] += 0.1
     values["gyro_z"][4_000:] += 0.02
     values["accel_x"][1_000:1_200] = values["accel_x"][1_000]
-    values["accel_y"] += 0.05 * np.sin(2 * np.pi * 7.3 * np.arange(6_000) / 100)
+    values["accel_y"] += 0.05 * np.sin(2 * np.pi * 7.3 * np.arange(8_000) / 100)
     paths["faulty"] = folder / "faulty.csv"
     library.Imu.from_arrays(values, rate=100.0).write(paths["faulty"])
     return paths

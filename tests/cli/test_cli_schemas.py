@@ -52,7 +52,7 @@ def test_another_type_or_a_missing_key_is_refused(gmwm, recording):
 def test_a_schema_is_that_of_what_was_seen():
     shape = Shape()
     for rate, extra in ((100.0, {}), (1, {"note": None})):
-        shape.add({"rate": rate, "axes": {"gyro_x": {"N": 1.0}, "lever": {"N": 2.0, "K": 3.0}}, **extra})
+        shape.add({"rate": rate, "axes": {"gyro_x": {"low": 1.0}, "lever": {"low": 2.0, "high": 3.0}}, **extra})
     assert shape.schema() == {
         "type": "object",
         "properties": {
@@ -61,11 +61,11 @@ def test_a_schema_is_that_of_what_was_seen():
                 "type": "object",
                 "additionalProperties": {
                     "type": "object",
-                    "properties": {"N": {"type": ["null", "number"]}, "K": {"type": ["null", "number"]}},
-                    "required": ["N"],
+                    "properties": {"low": {"type": ["null", "number"]}, "high": {"type": ["null", "number"]}},
+                    "required": ["low"],
                 },
             },
-            "note": {"type": "null"},
+            "note": {},
         },
         "required": ["rate", "axes"],
     }
