@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from gmwm.cli.commands import NAMES
+from gmwm.cli.main import NAMES
 
 # Not Polars: it starts threads when it is imported, and threads do not survive a fork.
 COMMANDS = tuple(f"gmwm.cli.{name}" for name in NAMES)

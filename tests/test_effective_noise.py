@@ -7,9 +7,8 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.choosing.datasheets.effective import Use, filter_entries
+from gmwm.choosing.datasheets.effective import Use, curve_ratio, filter_entries
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
-from gmwm.choosing.datasheets.misfit import curve_ratio
 from tests.helpers import codes, only, raises
 from tests.test_datasheet import exact, near
 

@@ -11,8 +11,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm import AR1, DR, FN, GM, MAT, PL, QN, RW, SIN, WN, Model
-from gmwm.choosing.datasheets.filter_numbers import best_gain, filter_numbers
-from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
+from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, best_gain, filter_numbers
 from gmwm.theory.processes import registry
 
 RATE = 100.0

@@ -9,7 +9,7 @@ import gmwm
 from gmwm.applications.navigation.api import budget
 from gmwm.calibration.rest import _limits, reach_of
 from gmwm.choosing.datasheets.bias_changes import BiasTerms, is_slow
-from gmwm.choosing.datasheets.measured_limit import variance_limit
+from gmwm.choosing.datasheets.limits import variance_limit
 
 RATE, SAMPLES = 10.0, 20_000
 STRUCTURES = ("WN + GM", "GM + GM + WN", "WN + FN + RW", "WN + RW", "QN + WN + GM + RW")

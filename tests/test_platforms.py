@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gmwm.cli.commands import NAMES
+from gmwm.cli.main import NAMES
 
 PACKAGE = Path(__file__).resolve().parent.parent / "src" / "gmwm"
 POSIX_ONLY = {

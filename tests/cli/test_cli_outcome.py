@@ -6,7 +6,7 @@ import pytest
 
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Dialect, Remark, Severity, messages
-from gmwm.cli.option_names import named_as_options
+from gmwm.cli.options import named_as_options
 from gmwm.cli.output import NewFile, Outcome, collect_warnings, finish, tell, text_file
 
 SHAKEN = Remark.of("gravity-removed", "a.csv")
@@ -29,7 +29,13 @@ def test_text_then_files_then_closing(tmp_path, capsys):
     path = tmp_path / "a.txt"
     finished(Outcome(command="x", document={}, text="result", files=(text_file(path, "content\n"),), closing="end"))
     assert path.read_text() == "content\n"
-    assert capsys.readouterr().out == f"result\n\nWrote\n  {path}\nend\n"
+    assert capsys.readouterr().out == f"result\n\nWrote {path}\nend\n"
+
+
+def test_several_files_are_named_by_folder(tmp_path, capsys):
+    files = tuple(text_file(tmp_path / name, "") for name in ("a.txt", "b.txt"))
+    finished(Outcome(command="x", document={}, text="result", files=files))
+    assert " ".join(capsys.readouterr().out.split()) == f"result Wrote to {tmp_path}: a.txt, b.txt"
 
 
 def test_a_text_with_its_own_line_end_gets_no_second_one(capsys):

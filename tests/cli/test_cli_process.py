@@ -11,8 +11,7 @@ from rich.text import Text
 from typer.main import get_command
 
 import gmwm as library
-from gmwm.cli.commands import NAMES
-from gmwm.cli.main import accept_all_characters, app
+from gmwm.cli.main import NAMES, accept_all_characters, app
 from gmwm.theory.processes import registry
 
 pytestmark = pytest.mark.slow

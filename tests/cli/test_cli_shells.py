@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from gmwm.cli.commands import NAMES
+from gmwm.cli.main import NAMES
 from gmwm.showing.exporters import export_formats
 
 

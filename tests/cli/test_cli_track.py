@@ -221,7 +221,7 @@ def test_an_interrupt_ends_with_130_and_leaves_no_file(gmwm, recording, tmp_path
 
     monkeypatch.setattr("polars.DataFrame.write_csv", press)
     # If a thread of the pool is still running, it would end the process of the tests.
-    monkeypatch.setattr("gmwm.cli.errors._leave_threads_behind", lambda *_: None)
+    monkeypatch.setattr("gmwm.cli.main._leave_threads_behind", lambda *_: None)
     outcome = gmwm("track", recording, "-m", MODEL, "--axis", "gyro_x", "--output", tmp_path / "x.csv")
     assert (outcome.code, outcome.out, outcome.err) == (130, "", "interrupted\n")
     assert list(tmp_path.iterdir()) == []

@@ -11,9 +11,9 @@ from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, PL, RW, SARMA, WN
 from gmwm.measuring.covariance import Design, covariance, filtered, gaussian, variances, wavelet_covariance
 from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.theory.processes import Process
+from gmwm.theory.processes.matern import LONGEST_LAGS
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST_LAGS
 from tests.covariance.test_sums import double_sum
 
 _spec = importlib.util.spec_from_file_location(

@@ -8,8 +8,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from gmwm.choosing.datasheets.effective import Use
-from gmwm.choosing.datasheets.filter_numbers import best_gain, smallest_error
-from gmwm.choosing.datasheets.prediction import FilterPrediction
+from gmwm.choosing.datasheets.filter_numbers import FilterPrediction, best_gain, smallest_error
 from gmwm.showing.exporters import quality
 from gmwm.showing.exporters.quality import TIMES, Quality, predictions, qualities
 from gmwm.showing.exporters.reduction import Number, axis_noise, sensor_noise

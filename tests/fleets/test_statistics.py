@@ -9,10 +9,8 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from gmwm.applications.fleets.axes import hotelling
-from gmwm.applications.fleets.findings import of_units
-from gmwm.applications.fleets.outlier_units import deviants, looked_for
-from gmwm.applications.fleets.statistics import fleet_statistics
+from gmwm.applications.fleets.findings import deviants, looked_for, of_units
+from gmwm.applications.fleets.statistics import fleet_statistics, hotelling
 from gmwm.applications.fleets.summary_text import summary
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.random_effects import between_units, effects, prediction_limits, spread_limits

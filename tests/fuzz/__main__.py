@@ -2,7 +2,8 @@
 
     python -m tests.fuzz --seconds 60 text rosbag
 
-An input follows from its family, the seed and its number. Inputs that fail are kept in build/fuzz.
+An input follows from its family, the first seed, the number of seeds and its number. Inputs that fail are kept in
+build/fuzz.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ KEPT = Path("build") / "fuzz"
 class Run:
     """The run of one family."""
 
-    def __init__(self, family: str, seed: int) -> None:
-        self.family, self.seed = family, seed
+    def __init__(self, family: str, seed: int, seeds: int) -> None:
+        self.family, self.seed, self.seeds = family, seed, seeds
         self.done, self.longest, self.memory = 0, 0.0, 0
         self.outcomes: Counter[str] = Counter()
         self.failures: dict[str, list[Any]] = {}
@@ -48,7 +49,8 @@ class Run:
 
     def _batch(self, first: int, end: float) -> int:
         """Try the inputs of one process; return the number of the next input."""
-        command = [sys.executable, "-m", "tests.fuzz.worker", self.family, *map(str, (self.seed, first, first + BATCH))]
+        numbers = map(str, (self.seed, self.seeds, first, first + BATCH))
+        command = [sys.executable, "-m", "tests.fuzz.worker", self.family, *numbers]
         errors = (KEPT / "stderr.txt").open("w")
         worker = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=errors, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}
@@ -125,13 +127,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Change good files at random, and read them.")
     parser.add_argument("families", nargs="*", default=[*FAMILIES, *OTHERS], help="by default all")
     parser.add_argument("--seconds", type=float, default=60.0, help="time for each family (60)")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="first seed (1)")
+    parser.add_argument("--seeds", type=int, default=20, help="number of seeds, which the inputs take in turn (20)")
     parser.add_argument("--first", type=int, default=0, help="number of the first input (0)")
     given = parser.parse_args()
     KEPT.mkdir(parents=True, exist_ok=True)
     failed = False
     for family in given.families:
-        run = Run(family, given.seed)
+        run = Run(family, given.seed, given.seeds)
         begin = time.monotonic()
         run.until(begin + given.seconds, given.first)
         outcomes = ", ".join(f"{count} {name}" for name, count in run.outcomes.most_common())

@@ -33,15 +33,15 @@ def _memory() -> int:
 
 
 class Inputs:
-    """The inputs of a family: each follows from the seed and its number."""
+    """The inputs of a family: each follows from its number and its seed. The inputs take the seeds in turn."""
 
-    def __init__(self, family: str, seed: int, folder: Path) -> None:
-        self.seed, self.folder, self.documents = seed, folder, family == "documents"
+    def __init__(self, family: str, seed: int, seeds: int, folder: Path) -> None:
+        self.seed, self.seeds, self.folder, self.documents = seed, seeds, folder, family == "documents"
         self.files = list((corpus.FAMILIES | corpus.OTHERS)[family](folder))
 
     def write(self, number: int) -> Path:
         """Write an input, and return its path."""
-        rng = np.random.default_rng([self.seed, number])
+        rng = np.random.default_rng([self.seed + number // len(self.files) % self.seeds, number])
         name, content = self.files[number % len(self.files)]
         if self.documents and rng.random() < 0.8:
             content = trials.dumped(changed_document(json.loads(content), rng))
@@ -52,12 +52,12 @@ class Inputs:
         return path
 
 
-def main(family: str, seed: int, first: int, last: int) -> None:
+def main(family: str, seed: int, seeds: int, first: int, last: int) -> None:
     """Try the inputs from the number `first` to `last` (excluded)."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with tempfile.TemporaryDirectory() as folder:
-        inputs = Inputs(family, seed, Path(folder))
+        inputs = Inputs(family, seed, seeds, Path(folder))
         trial = trials.TRIALS.get(family, trials.read_trial)
         counts: Counter[str] = Counter()
         for number in range(first, last):
@@ -75,4 +75,4 @@ def main(family: str, seed: int, first: int, last: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:5]))
+    main(sys.argv[1], *map(int, sys.argv[2:6]))

@@ -213,6 +213,55 @@ def test_a_row_of_matlab_is_read_whole_or_refused(row, tmp_path):
         given_noise(tmp_path / "f.m", RATE)
 
 
+CALL = "gyro = gyroparams('NoiseDensity', 1e-4, 'RandomWalk', 1e-6);\n"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        CALL, "%{\ngyro = gyroparams('NoiseDensity', 7)\n%}\n" + CALL,
+        "disp('gyroparams(''NoiseDensity'', 7)'); x = a';\n" + CALL,
+        'gyroparams("noisedensity", [1e-4 1e-4, 1e-4], "RandomWalk", 1e-6, "AxesMisalignment", [1 2; 3 4])',
+        "imuSensor('Gyroscope', gyroparams(RandomWalk=1e-6, NoiseDensity=... % old: 7\n 1e-4));",
+    ],
+)  # fmt: skip
+def test_the_grammar_of_matlab(code, tmp_path):
+    (tmp_path / "f.m").write_text(code)
+    values = given_noise(tmp_path / "f.m", RATE).values
+    assert pytest.approx(1e-4 / math.sqrt(2)) == values["gyro_z"].N
+    assert pytest.approx(1e-6 * math.sqrt(2)) == values["gyro_z"].K
+
+
+@pytest.mark.parametrize(
+    ("code", "part"),
+    [
+        (CALL + CALL, "lines 1 and 2"), (CALL + "imu.Gyroscope.NoiseDensity = 2e-4;", "line 2"),
+        (CALL.replace("1e-4", "1e-4*2"), "line 1"), (CALL.replace("1e-4", "deg2rad(0.1)"), "line 1"),
+        (CALL.replace("1e-4", "0"), "NoiseDensity is 0"), (CALL.replace(");", ""), "no closing parenthesis"),
+        (CALL.replace("'RandomWalk', 1e-6", "'NoiseType', 'pink'"), "single-sided"),
+        (CALL.replace("'NoiseDensity', 1e-4, ", ""), "no noise numbers"),
+    ],
+)  # fmt: skip
+def test_code_of_matlab_that_is_not_plain_numbers_is_refused(code, part, tmp_path):
+    (tmp_path / "f.m").write_text(code)
+    with raises(ReadError, part):
+        given_noise(tmp_path / "f.m", RATE)
+
+
+ALIASES = "a: &a [x, x]\n" + "".join(
+    f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefghij", "bcdefghijk", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    "text", [ALIASES, "a: &a [[*a]]\n", "[" * 10_000, "".join(f"{' ' * k}a:\n" for k in range(1200))]
+)
+def test_yaml_that_is_larger_than_its_file_is_refused(text, tmp_path):
+    (tmp_path / "kalibr.yaml").write_text(KALIBR + text)
+    with raises(ReadError, "kalibr.yaml"):
+        given_noise(tmp_path / "kalibr.yaml", RATE)
+
+
 @pytest.mark.parametrize(
     ("written", "number"),
     [
@@ -230,7 +279,20 @@ def test_values_with_units_quotes_and_comments(written, number, tmp_path):
 
 @pytest.mark.parametrize(
     "written",
-    ["1,0e-4", "1.0 e-4", "2*1.0e-4", "190:20:30", "0.15 deg/h", "0", "0.0", "[]", "[1, [2, 3]]", "~", "{a: 1}"],
+    [
+        "1,0e-4",
+        "1.0 e-4",
+        "2*1.0e-4",
+        "190:20:30",
+        "0.15 deg/h",
+        "0",
+        "0.0",
+        "0x10",
+        "[]",
+        "[1, [2, 3]]",
+        "~",
+        "{a: 1}",
+    ],
 )
 def test_what_is_not_one_number_is_refused_with_its_line(written, tmp_path):
     (tmp_path / "kalibr.yaml").write_text(KALIBR.replace("[1.0e-4, 2.0e-4, 3.0e-4]", written))

@@ -9,8 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.applications.several import plots
-from gmwm.applications.several.cross import _freedom, _UnitNoise, cross
-from gmwm.applications.several.delays import LARGEST_LAG_SAMPLES, _delay
+from gmwm.applications.several.cross import LARGEST_LAG_SAMPLES, _delay, _freedom, _UnitNoise, cross
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.multiple_tests import holm

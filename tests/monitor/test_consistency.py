@@ -13,7 +13,7 @@ import gmwm
 from gmwm.applications.monitor.consistency import _Innovations, consistency
 from gmwm.applications.monitor.consistency_result import PredictionError
 from gmwm.base.errors import DataError, OptionError
-from gmwm.choosing.datasheets.prediction import FilterGain
+from gmwm.choosing.datasheets.filter_numbers import FilterGain
 
 RATE = 10.0
 Array = NDArray[np.float64]

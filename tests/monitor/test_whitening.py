@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from gmwm import Model
-from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.whitening import FRAME_SAMPLES, Gain, Whitener
+from gmwm.applications.monitor.whitening import FRAME_SAMPLES, Finite, Gain, Whitener
 from gmwm.base.errors import ModelError
 
 RATE = 100.0

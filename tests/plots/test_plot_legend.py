@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as MatplotlibFigure
 
 import gmwm
 from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_plan
-from gmwm.showing.plots.legend import fold, width_of
+from gmwm.showing.plots.matplotlib import fold, width_of
 
 LONG = "a recording with a name that is much longer than any legend of one line can hold on a page of a journal"
 

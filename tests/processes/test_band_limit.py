@@ -7,7 +7,7 @@ import pytest
 
 from gmwm import AR, ARMA, MA, fixed
 from gmwm.choosing.datasheets import Entry
-from gmwm.theory.processes.band_limit import RESONANCE_RATIO, WHITE_TIME_S
+from gmwm.theory.processes.rational import RESONANCE_RATIO, WHITE_TIME_S
 
 RATE = 50.0
 

@@ -12,8 +12,8 @@ from gmwm.measuring.covariance import variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes import Process, filtered, smooth_autocovariance
-from gmwm.theory.processes.bessel import matern
 from gmwm.theory.processes.model import as_model
+from gmwm.theory.processes.smooth_autocovariance import matern
 from tests.helpers import raises
 
 RATE = 100.0

@@ -9,6 +9,7 @@ import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from functools import reduce
 
 import numpy as np
@@ -38,9 +39,15 @@ class Layout:
     sensors: tuple[str, ...] = ("gyro", "accel")
     options: dict[str, object] = field(default_factory=dict)
     tolerance: float = 1e-9
+    encoding: str = "utf-8"
 
 
-def table(header: str, row: str = "{t:.3f},{g},{a}", *, deg=False, g=False, head="", scale=(1.0, 1.0)):
+def moment(k: int) -> datetime:
+    """Return the time of a sample; noon is in the recording."""
+    return datetime(2024, 5, 13, 11, 59, 59, 700_000) + timedelta(milliseconds=10 * k)
+
+
+def table(header: str, row: str = "{t:.3f},{g},{a}", *, deg=False, g=False, head="", scale=(1.0, 1.0), stamp=None):
     """Return the text of a table: a header and rows with the time, gyroscopes and accelerometers."""
     gyro = GYRO / (DEG if deg else 1.0) / scale[0]
     accel = ACCEL / (G if g else 1.0) / scale[1]
@@ -49,7 +56,9 @@ def table(header: str, row: str = "{t:.3f},{g},{a}", *, deg=False, g=False, head
     def write() -> str:
         rows = (
             row.format(
-                k=k, t=k / RATE, ns=k * 10_000_000, us=k * 10_000, ms=k * 10, wall=1_700_000_000 + k / RATE,
+                k=k, s=stamp(moment(k)) if stamp else "", t=k / RATE,
+                ns=k * 10_000_000, us=k * 10_000, ms=k * 10, wall=1_700_000_000 + k / RATE,
+                G=gyro[k].tolist(), A=accel[k].tolist(),
                 g=separator.join(map(repr, gyro[k].tolist())), a=separator.join(map(repr, accel[k].tolist())),
             )
             for k in range(SIZE)
@@ -284,8 +293,13 @@ def test_a_long_table_asks_for_the_sensor(tmp_path):
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 def test_a_layout_is_read_without_options(tmp_path, layout, recwarn):
-    path = tmp_path / layout.file
-    path.write_text(layout.text(), encoding="utf-8")
+    require_recording(tmp_path / layout.file, layout)
+    assert not recwarn.list
+
+
+def require_recording(path, layout: Layout) -> None:
+    """Require that the file of a layout holds the recording above, in memory and as a stream."""
+    path.write_text(layout.text(), encoding=layout.encoding, newline="")
     imu = gmwm.read(path, **layout.options)
     assert imu.rate == pytest.approx(RATE, rel=1e-6)
     truth = {"gyro": GYRO, "accel": ACCEL}
@@ -295,7 +309,6 @@ def test_a_layout_is_read_without_options(tmp_path, layout, recwarn):
         np.testing.assert_allclose(values, truth[sensor], rtol=layout.tolerance, atol=1e-12 * layout.tolerance / 1e-9)
     codes = [remark.code for remark in imu.remarks]
     assert [code for code in layout.remarks if code not in codes] == []
-    assert not recwarn.list
     stream = gmwm.stream(path, **layout.options)
     axis = f"{layout.sensors[0]}_x"
     assert np.concatenate([chunk.values[axis] for chunk in stream]).tolist() == imu[axis].values.tolist()

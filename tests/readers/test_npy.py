@@ -87,8 +87,9 @@ def test_single_columns_a_rate_and_what_is_left_out(tmp_path):
 def test_sensors_at_two_rates_are_two_recordings(tmp_path):
     path = npz(tmp_path, gyro=VALUES[:, :3], gyro_time=TIME, accel=VALUES[:30, 3:], accel_time=TIME[:30])
     with raises(ReadError, "gyro, accel", code="several-recordings"):
-        read(path, rate=10, units=UNITS)
-    assert read(path, rate=10, units=UNITS, topic="accel").axes == AXES[3:]
+        read(path, units=UNITS)
+    accelerometers = read(path, units=UNITS, topic="accel")
+    assert (accelerometers.axes, accelerometers.rate) == (AXES[3:], pytest.approx(200))
 
 
 def test_pickles_are_not_opened(tmp_path):

@@ -153,6 +153,18 @@ def test_a_rate_that_drifts_is_stated_with_its_course(course, jitter):
         assert remark.facts["high"].value <= rates.max() * 1.001
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.05, 0.3])
+@pytest.mark.parametrize("course", COURSES)
+def test_lost_samples_of_a_rate_that_drifts_are_found(course, jitter):
+    size, rng = 20_000, np.random.default_rng(5)
+    stamps = np.cumsum(0.01 * (1 + COURSES[course](np.arange(size) / size))) + jitter * 0.01 * rng.uniform(-1, 1, size)
+    lost = np.sort(rng.choice(np.arange(100, size - 100, 3), 20, replace=False))
+    stamps = np.delete(stamps, lost)
+    gaps = dict(clock_of([stamps], "s", None)[0].base.gaps)
+    assert list(gaps) == pytest.approx(lost - np.arange(20), abs=1 + 100 * jitter)
+    assert len(gaps) == 20
+
+
 @pytest.mark.parametrize("size", [100, 1000, 20_000])
 @pytest.mark.parametrize("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
 def test_a_steady_rate_does_not_drift(name, size):

@@ -9,13 +9,13 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.calibration.findings import unusable
-from gmwm.showing.reports import printing, report_data
+from gmwm.showing.reports import report_data, write
 from gmwm.showing.reports.one_page import MOST, one_page, one_page_data
 from gmwm.showing.reports.write import page
 from tests.helpers import raises
 
 PAGES = re.compile(rb"/Type\s*/Page\b(?!s)")
-needs_browser = pytest.mark.skipif(printing.browser() is None, reason="needs Chromium")
+needs_browser = pytest.mark.skipif(write.browser() is None, reason="needs Chromium")
 
 
 @pytest.mark.slow
@@ -58,7 +58,7 @@ def test_names_from_files_are_escaped(hostile):
 @pytest.mark.slow
 def test_matplotlib_draws_the_page_without_a_browser(calibration, tmp_path, monkeypatch):
     monkeypatch.setattr("gmwm.showing.reports.write.browser", lambda: None)
-    monkeypatch.setattr("gmwm.showing.reports.printing.browser", lambda: None)
+    monkeypatch.setattr("gmwm.showing.reports.write.browser", lambda: None)
     file = calibration.report(tmp_path / "unit.pdf", one_page=True)
     content = file.read_bytes()
     assert content.startswith(b"%PDF")

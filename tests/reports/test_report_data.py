@@ -19,7 +19,7 @@ from gmwm.showing.plots.figure import Band, Foot, Panel, Polyline, Stroke, Text
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.reports import Section, report_data
 from gmwm.showing.reports import sections as report_sections
-from gmwm.showing.reports.citation import citation
+from gmwm.showing.reports.content import citation
 from gmwm.showing.reports.one_page import one_page_data
 from gmwm.showing.reports.plotly import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict

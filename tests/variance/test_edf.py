@@ -7,7 +7,7 @@ from gmwm.base import _core
 from gmwm.base.errors import OptionError
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.allan import total_degrees_of_freedom, total_variance
-from gmwm.measuring.variance.edf import degrees_of_freedom
+from gmwm.measuring.variance.noise_type import degrees_of_freedom
 from tests.helpers import raises
 
 # Greenhall and Riley (2003): 1/edf = (a0 - a1/r)/r for many samples a cluster and r = M/S clusters, by (α, d).

@@ -82,7 +82,7 @@ def test_a_ramp_is_told_from_a_random_walk():
 
 
 def test_autocorrelations_are_those_of_the_covariance():
-    from gmwm.measuring.variance.edf import _covariance
+    from gmwm.measuring.variance.noise_type import _covariance
 
     for d, known in AUTOCORRELATION.items():
         for alpha, r1 in known.items():

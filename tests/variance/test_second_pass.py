@@ -12,8 +12,7 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.rise import MOST_STORED, ThinnedValues
 from gmwm.measuring.variance.robust import robust_variance
-from gmwm.measuring.variance.second_pass import SecondPass
-from gmwm.measuring.variance.second_pass_sums import MOST_CELLS, MedianCells
+from gmwm.measuring.variance.second_pass import MOST_CELLS, MedianCells, SecondPass
 from gmwm.recording.signals import Signal
 from tests.helpers import raises
 

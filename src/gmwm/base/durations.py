@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from gmwm.base.errors import OptionError
@@ -24,12 +25,13 @@ def parse_length(text: str, argument: str = "duration") -> float:
     >>> parse_length("100ms")
     0.1
     """
-    if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
-        return float(plain[1])
-    terms, remainder = _TERM.findall(text), _TERM.sub("", text)
-    if not terms or remainder.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
+    plain = _PLAIN.fullmatch(text)
+    terms, remainder = _TERM.findall(f"{plain[1]}s" if plain and not plain[2] else text), _TERM.sub("", text)
+    terms = [] if remainder.strip() and not plain else terms
+    length = float(sum(float(number) * _SECONDS.get(unit.lower(), math.inf) for number, unit in terms))
+    if not terms or not math.isfinite(length):
         raise OptionError(argument=argument, expected="a duration such as 90s, 30min, 1h30m, 2h or 1d", got=text)
-    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
+    return length
 
 
 def parse_share(text: str) -> float:

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 ReadCode = Literal[
     "changed", "checksum-wrong", "chunk-damaged", "column-not-numbers", "columns-ambiguous", "columns-unnamed",
-    "cut-off", "damaged", "dates-ambiguous", "dates-unreadable", "dates-without-times", "decimal-comma", "empty",
+    "cut-off", "damaged", "dates-unreadable", "dates-without-times", "decimal-comma", "empty",
     "encrypted", "files-missing", "header-damaged", "header-mismatch", "incomplete", "index-damaged",
-    "integers-too-large", "is-directory", "line-ends", "line-too-long", "message-damaged", "message-encoding",
+    "integers-too-large", "is-directory", "line-too-long", "message-damaged", "message-encoding",
     "no-array", "no-index", "no-inertial-data", "no-numbers", "no-recording", "no-time", "not-a-file",
-    "not-continued", "not-found", "not-readable", "not-text", "not-utf8", "python-objects", "rate-changes",
+    "not-continued", "not-found", "not-readable", "not-text", "python-objects", "rate-changes",
     "rate-contradiction", "record-damaged", "row-invalid", "row-length", "sensor-ambiguous", "several-recordings",
     "time-empty", "time-implausible", "time-order", "time-span", "too-large", "too-many", "type-invalid",
     "type-recursive", "type-undefined", "unit-contradiction", "unit-implausible", "unit-needs-three-axes",

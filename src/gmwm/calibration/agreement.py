@@ -171,7 +171,7 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         pairs = [(e, s) for e, s in zip(entries, axis_sheets, strict=True) if e is not None and s is not None]
         first = pairs[0][0]
         alike = _alike(symbol, [s.model for s in axis_sheets if s is not None])
-        usable = [(entry, _reach(sheet.level)) for entry, sheet in pairs if _is_known(entry)]
+        usable = [(entry, NormalDist().inv_cdf((1 + sheet.level) / 2)) for entry, sheet in pairs if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""
         reason = "models" if not alike else "one recording" if len(pairs) < 2 else "kinds" if len(kinds) > 1 else reason
@@ -198,11 +198,6 @@ def _is_known(entry: Entry) -> bool:
     if entry.held or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return False
     return entry.upper_only or entry.low < entry.value < entry.high
-
-
-def _reach(level: float) -> float:
-    """Return half the width of a confidence interval of this level, in standard errors."""
-    return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:

@@ -82,9 +82,9 @@ def verdict_of(calibration: Calibration) -> Remark:
     lost = unusable(calibration)
     if len(lost) == axes:
         return Remark.of("verdict", case="unusable", axes=axes, one="yes" if axes == 1 else "no")
-    facts: dict[str, Fact] = {"axes": axes}
-    for symbol in MAIN:
-        facts[f"{symbol}_use"], facts[f"{symbol}_bound"] = counts(verdicts, symbol)
+    of_symbol = {symbol: counts(verdicts, symbol) for symbol in MAIN}
+    facts: dict[str, Fact] = {"axes": axes, **{f"{symbol}_use": use for symbol, (use, _) in of_symbol.items()}}
+    facts["limits"] = tuple(f"{symbol} on {limit}" for symbol, (_, limit) in of_symbol.items() if limit) or ("none",)
     main = [verdict for of_axis in verdicts.values() for symbol, verdict in of_axis.items() if symbol in MAIN]
     reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)
     facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons)}
@@ -293,23 +293,12 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
         if (line := process.line(fit.wavelet_variance.rate)) is not None
     }
     parameters = tuple(lines.get(name, name) for name in needed)
-    finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
-    lengths = ""
-    if finite:
-        first, last = duration_text(min(finite)), duration_text(max(finite))
-        lengths = first if first == last else f"{first} to {last}"
-    endless = any(seconds == math.inf for seconds in needed.values())
-    way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
+    seconds = sorted(math.inf if length is None else length for length in needed.values())
+    first, last = ("∞" if math.isinf(length) else duration_text(length) for length in (seconds[0], seconds[-1]))
     return Remark.of(
-        "poorly-known",
-        axis,
-        case="fit",
-        parameters=parameters,
-        seen=CERTAIN_ERROR,
-        wanted=PLANNED_ERROR,
-        lengths=lengths,
-        way=way,
-    )
+        "poorly-known", axis, case="fit", parameters=parameters, seen=CERTAIN_ERROR, wanted=PLANNED_ERROR,
+        lengths=first if first == last else f"{first} to {last}",
+    )  # fmt: skip
 
 
 def _longest_scale(wv: WaveletVariance) -> Remark:

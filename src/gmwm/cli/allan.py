@@ -103,7 +103,7 @@ def _measure(
     signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
     """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
 
     if clusters != "all":
         return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")

@@ -93,7 +93,7 @@ def _names(files: Sequence[Path]) -> list[str]:
 
 def _measure(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
     from gmwm import wavelet_variance
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
 
     robust = kind == "robust"
     measure = partial(

@@ -145,7 +145,7 @@ def fit_conditions(
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
     from gmwm.choosing.datasheets import numbers_at
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
     sums, conditions = as_varies(varies), read_table(table)

@@ -10,8 +10,7 @@ import typer
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
-from gmwm.cli.option_names import named_as_options
-from gmwm.cli.options import ResultOption
+from gmwm.cli.options import ResultOption, named_as_options
 from gmwm.cli.output import Outcome, progress
 from gmwm.cli.read_options import File, load
 from gmwm.recording.options import ReadOptions

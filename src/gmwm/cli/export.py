@@ -16,8 +16,7 @@ from gmwm.base.remarks import Remark
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
 from gmwm.cli.noise_source import GivenText, read_given
-from gmwm.cli.option_names import named_as_options
-from gmwm.cli.options import ResultOption
+from gmwm.cli.options import ResultOption, named_as_options
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats

@@ -287,7 +287,7 @@ def fit_axes(
 ) -> dict[str, Fit]:  # fmt: skip
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
 
     def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:
         wv = signal

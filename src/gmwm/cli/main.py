@@ -1,19 +1,287 @@
-"""The command `gmwm` with its subcommands, and the entry point of the script."""
+"""The command `gmwm`, the names and the help of its subcommands, and the entry point of the script."""
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import signal
 import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from gmwm.cli.commands import Program, help_text
-from gmwm.cli.errors import Terminated
+from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.guests import admit_guests
+from gmwm.base.helpers import end_helpers
+from gmwm.base.template import Dialect
+from gmwm.cli.output import one_line
+
+_EXPECTED = {
+    "float_parsing": "a number, without a unit", "int_parsing": "a whole number", "int_from_float": "a whole number",
+    "float": "a number, without a unit", "integer": "a whole number",
+}  # fmt: skip
+"""Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
+the name of the Click type in old versions."""
+
+OK, USER_ERROR, INTERRUPTED = 0, 2, 130
+
+
+class Terminated(BaseException):
+    """Exception that is raised if the process receives SIGTERM or SIGHUP; its argument is the number of the signal."""
+
+
+# New versions of Typer contain a copy of Click, old versions import Click. This expression gets its class UsageError in
+# both cases.
+_UsageError: type[Any] = typer.BadParameter.__mro__[1]
+
+
+class OneLineErrors(TyperGroup):
+    """A group of commands that prints each error in one line on stderr. Exit codes: 0 success, 2 an error that the user
+    can correct, 130 Ctrl-C, 143 SIGTERM, 129 SIGHUP. A bug in gmwm shows a traceback."""
+
+    def main(
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
+        standalone_mode: bool = True, windows_expand_args: bool = False, **extra: Any,
+    ) -> NoReturn:  # fmt: skip
+        """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
+        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one
+        recording."""
+        try:
+            _require_address_space()
+            code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
+            sys.stdout.flush()
+            if code == INTERRUPTED:
+                raise KeyboardInterrupt  # Typer returns this code after Ctrl-C
+        except (BrokenPipeError, SystemExit):
+            # The reader of a pipe, such as `head`, has closed it, so end without an error. The interpreter flushes
+            # stdout at exit, so stdout needs a new target. Typer and Rich raise SystemExit only in this case, because
+            # standalone mode is off.
+            _discard_stdout()
+            code = OK
+        except _UsageError as error:
+            code = _print_error(_usage_text(error))
+        except GmwmError as error:
+            code = _print_error(error.text(Dialect.SHELL))
+        except MemoryError:
+            code = _print_error("there is not enough memory for a recording of this length")
+        except OSError as error:
+            code = _print_error(f"{error.filename or 'the output'}: {error.strerror or error}")
+        except Terminated as error:
+            code = _print_end("terminated", 128 + error.args[0])
+        except (typer.Abort, KeyboardInterrupt):
+            code = _print_end("interrupted", INTERRUPTED)
+        sys.exit(code if isinstance(code, int) else OK)
+
+
+def _require_address_space() -> None:
+    """Raise an error if the process may not reserve the memory that Polars needs at least; it would abort later."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    # With 2 GB, a table of 12 000 rows is read, with a warning for each thread that cannot start.
+    if allowed != resource.RLIM_INFINITY and allowed < 3 << 30:
+        raise OptionError(
+            f"the address space is limited to {allowed / 2**30:.2f} GiB, and gmwm reserves 3 GiB, which it mostly does "
+            "not use", advice="Lift the limit: `ulimit -v unlimited`.",
+        )  # fmt: skip
+
+
+def _print_end(word: str, code: int) -> int:
+    """Print why a command ends early, end its helpers, and return its exit code."""
+    with contextlib.suppress(OSError):  # the terminal may be closed
+        print(word, file=sys.stderr)
+    end_helpers()
+    _leave_threads_behind(code)
+    return code
+
+
+class OnceCommand(TyperCommand):
+    """A command that raises an error if a single-valued option is given twice. Click would ignore the first value."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the arguments of the command. Raises a usage error if a single-valued option is given twice."""
+        order = self.make_parser(ctx).parse_args(args=list(args))[2]
+        for parameter in order:
+            several = (
+                parameter.nargs != 1 or getattr(parameter, "multiple", False) or getattr(parameter, "is_flag", False)
+            )
+            if order.count(parameter) > 1 and not several:
+                name = max(parameter.opts, key=len)
+                advice = f": {name} {parameter.metavar}" if "," in (parameter.metavar or "") else ""
+                raise _UsageError(f"{name} is given {order.count(parameter)} times; give it once{advice}", ctx)
+        return list(super().parse_args(ctx, args))
+
+
+def _leave_threads_behind(code: int) -> None:
+    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes. No
+    file is left incomplete: only the main thread writes files, and it has stopped."""
+    if any("ThreadPool" in thread.name for thread in threading.enumerate()):
+        _flush()
+        os._exit(code)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+
+
+def _print_error(message: str) -> int:
+    with contextlib.suppress(OSError):  # stderr may be closed or full
+        print(f"error: {one_line(message)}", file=sys.stderr)
+    return USER_ERROR
+
+
+def _usage_text(error: Any) -> str:
+    """Return the text of Typer's error about the arguments of a command, with a hint to the help of the command."""
+    text = _value_text(error) or error.format_message()
+    return text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)"
+
+
+def _value_text(error: Any) -> str:
+    """Return the text of an error about an option whose value is not allowed; "" for any other error."""
+    parameter, cause = getattr(error, "param", None), error.__cause__
+    if parameter is None:
+        return ""
+    option = next((name for name in parameter.opts if name.startswith("--")), parameter.opts[0])
+    details = cause.errors()[0] if hasattr(cause, "errors") else {}
+    kind = details.get("type") or getattr(getattr(parameter, "type", None), "name", "")
+    context = details.get("ctx", {})
+    if kind == "greater_than_equal":
+        return f"{option} must be {context['ge']} or more; got {details['input']}"
+    if "error" in context:
+        return f"{option}: {context['error']}"
+    if kind not in _EXPECTED or type(error) is not typer.BadParameter:
+        return ""
+    got = f"; got {details['input']!r}" if "input" in details else ""
+    return f"{option} must be {_EXPECTED[kind]}{got}"
+
+
+def _discard_stdout() -> None:
+    sink = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(sink, sys.stdout.fileno())
+    os.close(sink)
+
+
+NAMES = {
+    "calibrate": "Choose and fit the noise model of each axis, and print its numbers as in a datasheet.",
+    "app": "Calibrate in the browser: look at a recording, leave out time ranges, try models, and download the files.",
+    "fleet": "Calibrate every recording in a folder, and find the units that differ from the others.",
+    "report": "Write a calibration as one HTML page that needs no network, or as a PDF.",
+    "info": "Inspect a recording, and report whether it can be used for a calibration.",
+    "wv": "Print the wavelet variance of each axis, or its Allan deviation.",
+    "allan": "Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.",
+    "psd": "Print the lines and the resonances in the power spectral density of each axis.",
+    "cross": "Test whether the axes of a recording share noise, at which scales, and how much.",
+    "same": "Test whether recordings have the same noise at each scale, or the same parameters of a model.",
+    "fuse": "Fuse the parallel axes of several units into one virtual sensor with less noise.",
+    "compare": "Compare the classical and robust wavelet variances of one or several recordings.",
+    "fit": "Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.",
+    "joint": "Fit one model to several axes at once, including the noise that the axes share.",
+    "select": "Compare all models that are part of a largest model, and recommend one for each axis.",
+    "track": "Estimate the bias and every other process of a model over time, with a Kalman filter.",
+    "residuals": "Test the residuals of a model, which are the standardized innovations of its Kalman filter.",
+    "watch": "Watch a recording while it is written, and show when it is long enough.",
+    "monitor": "Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, "
+    "lost samples.",
+    "agree": "Test whether calibrations of one unit agree with each other, or with a reference.",
+    "consistency": "Test whether a filter with the calibrated noise claims the error that it makes on a recording at "
+    "rest.",
+    "budget": "Compute how attitude, velocity and position errors of unaided inertial navigation grow.",
+    "export": "Write the noise of a calibrated unit in the format of another program.",
+    "explain": "Explain a message: what it means for the results, and what to do.",
+    "plan": "Plan how long to record: print the standard error of each parameter for several durations.",
+    "convert": "Convert a recording to Parquet, CSV, MCAP or .imu.",
+    "simulate": "Simulate a static recording with known noise.",
+    "demo": "Simulate a six-axis IMU, calibrate it, and compare the result with the truth.",
+}
+"""Names of the commands, in the order of the help, with the first sentences of their help, so that the help imports no
+command. The function of a command is in the module with its name."""
+
+
+class Commands(Mapping[str, Any]):
+    """The commands by name, which are imported when they are looked up, and the commands `others` that a script has
+    added."""
+
+    def __init__(self, others: Mapping[str, Any]) -> None:
+        self._loaded = dict(others)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._loaded:
+            if name in NAMES:
+                self._loaded[name] = _load(getattr(import_module(f"gmwm.cli.{name}"), name))
+            else:
+                admit_guests("gmwm.commands", self._admit)
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        admit_guests("gmwm.commands", self._admit)
+        return iter(dict.fromkeys((*NAMES, *self._loaded)))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _admit(self, name: str, function: Any) -> None:
+        """Add a command of another package. Its entry point names a function that returns an Outcome."""
+        if name in (*NAMES, *self._loaded):
+            raise ValueError(f"gmwm has a command {name} already")
+        self._loaded[name] = _load(function)
+
+
+class Program(OneLineErrors):
+    """The command `gmwm` with its subcommands."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self.commands = Commands(self.commands)  # type: ignore[assignment]  # none is added or removed from here on
+        self._lists = False
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Return the names of the commands, without importing those of gmwm."""
+        return [*self.commands]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; for the list of commands, one with its name and its first sentences only."""
+        if self._lists and cmd_name in NAMES:
+            return TyperCommand(cmd_name, help=NAMES[cmd_name])
+        return super().get_command(ctx, cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help, with the list of commands."""
+        self._lists = True
+        super().format_help(ctx, formatter)
+        self._lists = False
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Return the names and first sentences of the commands that a shell proposes."""
+        self._lists = True
+        proposals = super().shell_complete(ctx, incomplete)
+        self._lists = False
+        return proposals
+
+
+def help_text(text: str | None) -> str:
+    """Return a docstring with each paragraph on one line, so that the help wraps at the width of the terminal."""
+    return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
+
+
+def _load(function: Any) -> Any:
+    """Return the command of a function, with the examples of its module below the help."""
+    name, examples = function.__name__, getattr(import_module(function.__module__), "EXAMPLES", ())
+    program = typer.Typer(rich_markup_mode="rich", pretty_exceptions_enable=False, add_completion=False)
+    epilog = "\n\n".join(("Examples:", *examples)) if examples else None
+    program.command(name, cls=OnceCommand, help=help_text(function.__doc__), epilog=epilog)(function)
+    return typer.main.get_command(program)
+
 
 app = typer.Typer(
     name="gmwm", cls=Program, rich_markup_mode="rich", pretty_exceptions_enable=False,

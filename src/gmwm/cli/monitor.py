@@ -149,7 +149,7 @@ def _trace(
 ) -> Trace:  # fmt: skip
     """Return the monitor for a stream, with a trace for plots. The remarks of the monitor become warnings."""
     from gmwm.applications.monitor import Monitor, Trace, baselines
-    from gmwm.applications.monitor.setup import check_rate
+    from gmwm.applications.monitor.baseline import check_rate
     from gmwm.files.readers.api import stream_file
 
     models, rate = _models(origin, stream.rate)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.base.atomic_files import read_json
-from gmwm.cli.option_names import named_as_options
+from gmwm.cli.options import named_as_options
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -1,19 +1,19 @@
-"""Options for the estimation and for the output that several commands share."""
+"""Options for the estimation and for the output that several commands share, and their names in error messages."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
 from gmwm.base.axis_names import AXES
-from gmwm.base.errors import OptionError
+from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.units import SI_UNIT
-from gmwm.cli.option_names import checker, prefix_errors
 from gmwm.measuring.regression.against import Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import as_confidence
@@ -21,6 +21,52 @@ from gmwm.recording.options import as_confidence
 if TYPE_CHECKING:
     from gmwm.showing.plots.view import UnitSystem
     from gmwm.theory.processes.model import Model, ModelLike
+
+T = TypeVar("T")
+
+
+@contextmanager
+def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Make errors in the block, and their advice, name the shell options of the mapping from argument to option.
+
+    Only arguments whose option has another name need an entry.
+
+    >>> from gmwm.base.template import Dialect
+    >>> from gmwm.errors import OptionError
+    >>> try:
+    ...     with named_as_options({"format": "--to"}):
+    ...         raise OptionError(argument="format", expected="one of imu:IMAR", got="x")
+    ... except OptionError as error:
+    ...     print(error.text(Dialect.SHELL))
+    --to must be one of imu:IMAR; got 'x'
+    """
+    try:
+        yield
+    except GmwmError as error:
+        error.options = options
+        raise
+
+
+def checker(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
+    """Return a Typer callback that checks the value of an option with a function of the library."""
+
+    def callback(given: T | None) -> T | None:
+        if given is not None:
+            check(given)
+        return given
+
+    return callback
+
+
+@contextmanager
+def prefix_errors(argument: str) -> Iterator[None]:
+    """Put the name of an argument in front of the message of each ModelError that is raised in the block."""
+    try:
+        yield
+    except ModelError as error:
+        error.prefix = argument
+        raise
+
 
 ResultOption = partial(typer.Option, rich_help_panel="Result")
 EstimationOption = partial(typer.Option, rich_help_panel="Estimation")

@@ -5,12 +5,13 @@ from __future__ import annotations
 import codecs
 import json
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeVar
 
 import typer
 
@@ -20,9 +21,26 @@ from gmwm.base.extras import is_installed, missing
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.reporting import warn
+from gmwm.base.text import TEXT_WIDTH
+from gmwm.base.threads import in_threads
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from gmwm.measuring.variance.result import WaveletVariance
+    from gmwm.recording.signals import Signal
+
+T = TypeVar("T")
+Item = TypeVar("Item", bound="Signal | WaveletVariance")
+
+
+def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
+    """Call a function with the signal or wavelet variance of each axis, in parallel threads. If a call raises an error,
+    the message names the axis. `what` is the label of the progress bar."""
+    with progress(what, len(signals)) as advance:
+        return in_threads(
+            lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -80,13 +98,28 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
         if text:
             print(text, end="" if text.endswith("\n") else "\n")
         if outcome.listed and outcome.paths:
-            print("\nWrote", *(f"  {path}" for path in outcome.paths), sep="\n")
+            print("", *_written(outcome.paths), sep="\n")
         if outcome.closing:
             print(outcome.closing)
     if outcome.failure is not None:
         raise outcome.failure
     if outcome.status:
         raise typer.Exit(outcome.status)
+
+
+def _written(paths: Sequence[Path]) -> list[str]:
+    """Return the lines that name the written files: one path, or the names of the files in each folder."""
+    if len(paths) == 1:
+        return [f"Wrote {paths[0]}"]
+    folders: dict[Path, list[str]] = {}
+    for path in paths:
+        folders.setdefault(path.parent, []).append(path.name)
+    return [
+        line
+        for folder, names in folders.items()
+        for line in textwrap.wrap(f"Wrote to {folder}: {', '.join(names)}", TEXT_WIDTH, subsequent_indent="  ",
+                                  break_long_words=False, break_on_hyphens=False)
+    ]  # fmt: skip
 
 
 def _write_files(outcome: Outcome) -> None:

@@ -71,7 +71,7 @@ def _measure(
     recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.spectrum import PowerSpectra, psd
 

@@ -74,7 +74,7 @@ def residuals(
 
 
 def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
     from gmwm.fitting.likelihood import residuals as residuals_of
 
     def one(signal: Signal) -> Residuals:

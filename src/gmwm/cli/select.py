@@ -104,7 +104,7 @@ def _rank(
     efficiency: float,
 ) -> dict[str, Ranking]:  # fmt: skip
     from gmwm.choosing.selection.api import select_within
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
 
     return over_axes(
         lambda one: select_within(largest, one, options, robust=robust, efficiency=efficiency), measured,

@@ -103,7 +103,7 @@ def _measure(
 ) -> dict[str, WaveletVariance]:  # fmt: skip
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
     from gmwm import wavelet_variance
-    from gmwm.cli.parallel import over_axes
+    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
 
     chosen = chosen_names(recording.axes, axis)

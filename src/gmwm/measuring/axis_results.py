@@ -14,7 +14,8 @@ from gmwm.base.arrays import as_rate
 from gmwm.base.errors import DataError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Imu
 
 T = TypeVar("T")
 

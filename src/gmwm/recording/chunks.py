@@ -8,6 +8,9 @@ from itertools import pairwise
 
 from gmwm.base.arrays import Vector
 
+MINIMUM_SAMPLES = 8
+"""Smallest number of samples of a segment that is read, for three wavelet levels. Pinned by tests/test_cuts.py."""
+
 
 @dataclass(frozen=True, eq=False)
 class Chunk:

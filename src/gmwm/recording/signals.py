@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from operator import ge
 from types import MappingProxyType
@@ -22,14 +22,13 @@ from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
 from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
+from gmwm.recording.chunks import Samples
+from gmwm.recording.time_ranges import cut, kept_ranges
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
 __all__ = ["Imu", "Signal"]
-
-MINIMUM_SAMPLES = 8
-"""Smallest number of samples of a segment that is read, for three wavelet levels. Pinned by tests/test_cuts.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +134,9 @@ class Signal(Plotted):
         present = ~np.isnan(vector)
         infinite = int(np.count_nonzero(np.isinf(vector)))
         if infinite:
+            what = f"{axis or 'the signal'} has {counted(infinite, 'infinite value')}"
             raise DataError(
-                f"{axis or 'the signal'} has {counted(infinite, 'infinite value')}, the first at index "
-                f"{int(np.argmax(np.isinf(vector)))}",
+                f"{what}, the first at index {int(np.argmax(np.isinf(vector)))}",
                 advice="If infinite values mark missing samples, replace them with NaN.",
             )
         if not present.any():
@@ -151,9 +150,7 @@ class Signal(Plotted):
         return cls(vector[present], rate, unit, axis, segments=list(pairwise(ends)), starts=starts)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The constructor makes the array of a copy read-only as well.
-        fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
-        return Signal, (*fields, self.filled, self.gaps_known)
+        return Signal, tuple(getattr(self, field.name) for field in fields(self))  # a copy is read-only as well
 
     def __len__(self) -> int:
         return int(self.values.size)
@@ -257,9 +254,7 @@ class Signal(Plotted):
 
     def longest(self) -> Signal:
         """Return the longest segment as a signal without gaps."""
-        k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
-        first, last = self.segments[k]
-        return Signal(self.values[first:last], self.rate, unit=self.unit, axis=self.axis, start=self.starts[k])
+        return replace(self[slice(*max(self.segments, key=lambda segment: segment[1] - segment[0]))], filled=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -496,9 +491,19 @@ class Imu(Plotted, Tabular):
         >>> part.segments, part["gyro_x"].starts
         (((0, 30), (30, 70)), (2.0, 6.0))
         """
-        from gmwm.recording.time_ranges import between_times
-
-        return between_times(self, start, stop, skip)
+        first = self[self.axes[0]]
+        runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+        values = {axis: signal.values for axis, signal in self.signals.items()}
+        samples = Samples(values, self.rate, first=0, segment=0, runs=runs, temperature=self.temperature)
+        parts = cut(samples, self.time_base or TimeBase(self.rate, start=first.start), kept_ranges(start, stop, skip))
+        if parts is None:
+            return self
+        part, base, remark = parts
+        begins, ends, starts = zip(*part.ranges(), strict=True)
+        clock = {"start": starts[0], "segments": tuple(zip(begins, ends, strict=True)), "starts": starts}
+        signals = {axis: replace(self[axis], values=part.values[axis], filled=0, **clock) for axis in self.axes}
+        remarks = (*self.remarks, remark)
+        return replace(self, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet, .mcap or .imu.
@@ -566,20 +571,15 @@ class Imu(Plotted, Tabular):
         """Return the longest segment as a recording without gaps; its remarks say so."""
         if len(self.segments) == 1:
             return self
-        first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
+        leading = self[self.axes[0]]
+        k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
+        first, last = self.segments[k]
+        begin, base = begins_of(leading.rate, leading.segments, leading.starts)[k], self.time_base
+        # Time stamps step backward between segments only, so a single segment has no gap and no such step.
+        base = base and replace(base, start=leading.starts[k], gaps=(), backward=0, left=base.left + begin)
         remark = Remark.of("cut", case="segment", segments=len(self.segments), first=first, last=last - 1)
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
-        base, start = self.time_base, next(iter(signals.values())).start
-        leading = self[self.axes[0]]
-        begin = begins_of(leading.rate, leading.segments, leading.starts)[self.segments.index(longest)]
-        return replace(
-            self,
-            signals=signals,
-            remarks=(*self.remarks, remark),
-            # Time stamps step backward between segments only, so a single segment has no gap and no such step.
-            time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
-            temperature=None if self.temperature is None else self.temperature[first:last],
-        )
+        return replace(self[first:last], signals=signals, remarks=(*self.remarks, remark), time_base=base)
 
 
 def _as_signal(x: Any, axis: str) -> Signal:

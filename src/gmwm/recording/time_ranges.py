@@ -16,8 +16,7 @@ from gmwm.base.reporting import warn
 from gmwm.base.template import join_names
 from gmwm.base.text import moment
 from gmwm.base.time_base import TimeBase
-from gmwm.recording.chunks import Samples
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES, Samples
 
 TIME_ROUNDING = 1e-6
 """Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
@@ -25,42 +24,17 @@ rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and small
 types. Pinned by tests/test_cuts.py."""
 
 
-def between_times(
-    imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
-) -> Imu:
-    """Return the part of a recording between two times; see `Imu.between`."""
-    intervals = kept_ranges(start, stop, skip)
-    first = next(iter(imu.signals.values()))
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: signal.values for axis, signal in imu.signals.items()}
-    trimmer = Trimmer(intervals, imu.rate)
-    part = trimmer.take(Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature))
-    base = trimmer.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
-    if part is None or len(part) == len(imu):
-        return imu
-    ranges = list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=part.values[axis],
-            rate=signal.rate,
-            unit=signal.unit,
-            axis=axis,
-            start=ranges[0][2],
-            segments=[(begin, end) for begin, end, _ in ranges],
-            starts=[time for _, _, time in ranges],
-        )
-        for axis, signal in imu.signals.items()
-    }
-    remark = Remark.of(
-        "cut",
-        case="cut",
-        known="yes",
-        kept=Quantity(len(part) / imu.rate, "s"),
-        whole=Quantity(imu.duration, "s"),
-        ranges=range_texts(intervals),
-    )
-    remarks = (*imu.remarks, remark)
-    return replace(imu, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+def cut(
+    samples: Samples, base: TimeBase, intervals: Sequence[tuple[float, float]]
+) -> tuple[Samples, TimeBase, Remark] | None:
+    """Return the part of a recording in ranges of time, with its time base and a remark; None if it is all of it."""
+    trimmer = Trimmer(intervals, samples.rate)
+    part = trimmer.take(samples)
+    base = trimmer.time_base(base)
+    if part is None or len(part) == len(samples):
+        return None
+    durations = {"kept": Quantity(len(part) / part.rate, "s"), "whole": Quantity(len(samples) / part.rate, "s")}
+    return part, base, Remark.of("cut", case="cut", known="yes", ranges=range_texts(intervals), **durations)
 
 
 class Trimmer:

@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm.applications.fleets.discovery import FleetUnits, Recordings, find_units
-from gmwm.applications.fleets.result import Fleet
-from gmwm.applications.fleets.rows import Row, failed_row
-from gmwm.applications.fleets.storage import (
+from gmwm.applications.fleets.result import (
     TABLE,
     UNITS,
+    Fleet,
     finished_rows,
     foreign_units,
     remove_unit,
     write_facts,
     write_unit,
 )
-from gmwm.applications.fleets.table import RUN_AGAIN, as_table, write_table
+from gmwm.applications.fleets.table import RUN_AGAIN, Row, as_table, failed_row, write_table
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
 from gmwm.applications.fleets.workers import Cluster, Here, Processes, WorkPlace, allowing_lost_workers, run_jobs
 from gmwm.base.axis_names import AXES

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
+from gmwm.applications.fleets.statistics import FleetSamples, ParameterSample
 from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError

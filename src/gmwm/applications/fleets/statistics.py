@@ -2,26 +2,187 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.fleets.axes import differences
-from gmwm.applications.fleets.findings import LEAST_UNITS
-from gmwm.applications.fleets.outlier_units import LEAST_UNITS_FOR_OUTLIERS, deviants, looked_for
-from gmwm.applications.fleets.samples import FleetSamples, ParameterSample
-from gmwm.applications.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.applications.fleets.findings import LEAST_UNITS, LEAST_UNITS_FOR_OUTLIERS, deviants, looked_for
+from gmwm.applications.fleets.statistics_result import SIGNED, AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import sensor_of
+from gmwm.base.errors import DataError
+from gmwm.base.multiple_tests import holm
 from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.calibration.tables import in_order
+from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence, as_size
 
 if TYPE_CHECKING:
     import polars
+
+_NEEDED = ("unit", "axis", "status", "model")
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSample:
+    """One parameter of one axis over all n units."""
+
+    axis: str
+    symbol: str
+    unit: str
+    model: str | None  # noise model of the compared units; None if units with different models are compared
+    # x, s2 (n,): logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for
+    # units that are not compared.
+    x: Vector
+    s2: Vector
+    # value, low, high (n,): estimates and confidence limits
+    value: Vector
+    low: Vector
+    high: Vector
+    limited: NDArray[np.bool_]  # (n,) units with only an upper limit
+    left_out: int  # number of units with the parameter that are not compared and have no upper limit
+
+    def back(self, x: float) -> float | None:
+        """Convert a logarithm to the value of the parameter (for R, return it unchanged). NaN becomes None."""
+        return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
+
+
+class FleetSamples:
+    """The table of a fleet as arrays with a row for each axis and a column for each unit."""
+
+    def __init__(self, table: polars.DataFrame, confidence: float) -> None:
+        import polars
+
+        if missing := [name for name in _NEEDED if name not in table.columns]:
+            raise DataError(argument="table", expected=f"a table with the columns {', '.join(_NEEDED)}", got=missing)
+        done = table.filter((polars.col("status") == "calibrated") & polars.col("axis").is_not_null())
+        twice = done.filter(polars.struct("unit", "axis").is_duplicated())
+        if twice.height:
+            unit, axis = twice.row(0, named=True)["unit"], twice.row(0, named=True)["axis"]
+            expected = "a table with one row for each axis of a unit"
+            raise DataError(argument="table", expected=expected, got=f"several rows for {axis} of {unit}")
+        self.done, self.z = done, NormalDist().inv_cdf((1 + confidence) / 2)
+        self.confidence = confidence
+        self.units: list[str] = done["unit"].unique(maintain_order=True).to_list()
+        self.axes: list[str] = done["axis"].unique(maintain_order=True).to_list()
+        at_unit, at_axis = ({name: k for k, name in enumerate(names)} for names in (self.units, self.axes))
+        self._place = (
+            np.array([at_axis[name] for name in done["axis"]], dtype=int),
+            np.array([at_unit[name] for name in done["unit"]], dtype=int),
+        )
+        self.models = self._texts("model")
+        stems = [name.removesuffix("_unit") for name in done.columns if name.endswith("_unit")]
+        self.symbols = in_order([[stem for stem in stems if stem in done.columns]])
+
+    def _numbers(self, name: str) -> Matrix:
+        rows = np.full((len(self.axes), len(self.units)), np.nan)
+        rows[self._place] = self.done[name].cast(float, strict=False).fill_null(np.nan).to_numpy()
+        return rows
+
+    def _texts(self, name: str) -> NDArray[Any]:
+        rows = np.full((len(self.axes), len(self.units)), None, dtype=object)
+        rows[self._place] = self.done[name].to_list()
+        return rows
+
+    def samples(self) -> list[ParameterSample]:
+        """Return a sample for each parameter of each axis that at least one unit has."""
+        by_axis: dict[str, list[ParameterSample]] = {axis: [] for axis in self.axes}
+        for symbol in self.symbols:
+            value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
+            unit = self._texts(f"{symbol}_unit")
+            for k, axis in enumerate(self.axes):
+                if any(name is not None for name in unit[k]):
+                    ends = (value[k], low[k], high[k])
+                    by_axis[axis].append(self._sample(axis, symbol, unit[k], models=self.models[k], ends=ends))
+        return [sample for samples in by_axis.values() for sample in samples]
+
+    def _sample(
+        self, axis: str, symbol: str, units: NDArray[Any], *, models: NDArray[Any], ends: tuple[Vector, Vector, Vector]
+    ) -> ParameterSample:
+        value, low, high = ends
+        present = np.array([name is not None for name in units])
+        unit = _commonest(units[present])
+        alike = present & (units == unit)
+        model = None if symbol in LAWS else _commonest(models[alike])
+        alike &= True if model is None else models == model
+        limited = alike & np.isnan(value) & np.isfinite(high) & (high > 0)
+        usable = alike & np.isfinite(value) & np.isfinite(low) & np.isfinite(high) & (high > low)
+        x, s = np.full(value.shape, np.nan), np.ones(value.shape)
+        if symbol == SIGNED:
+            value, low = np.where(limited, 0.0, value), np.where(limited, -high, low)
+            usable |= limited
+            x[usable], s[usable] = value[usable], (high - low)[usable] / (2 * self.z)
+        else:
+            usable &= np.where(usable, low, 0.0) > 0
+            x[usable] = np.log(value[usable])
+            s[usable] = np.log(high[usable] / low[usable]) / (2 * self.z)
+        left_out = int(np.sum(present & ~usable & ~limited))
+        return ParameterSample(
+            axis=axis, symbol=symbol, unit=unit, model=model, x=x, s2=s * s, value=value, low=low, high=high,
+            limited=limited, left_out=left_out,
+        )  # fmt: skip
+
+
+def _commonest(names: NDArray[Any]) -> str:
+    """Return the most frequent name, or the first of several equally frequent names."""
+    return str(Counter(names.tolist()).most_common(1)[0][0])
+
+
+def differences(
+    numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
+) -> tuple[AxisDifference, ...]:
+    """Test for each noise parameter, a row (axis, symbol, unit, model) of `x` (m, n), whether the axes of a sensor
+    differ.
+
+        T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p).
+
+    Here d (p,) are the differences between successive axes (x and y, y and z) in a unit, with the mean d̄ over the n
+    units with values on all axes and the covariance S. A factor that all axes of a unit share cancels in d. The axes
+    may have different precision (Hotelling 1931, Annals of Mathematical Statistics 2, 360-378)."""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, (axis, symbol, _, _) in enumerate(numbers):
+        if sensor := sensor_of(axis):
+            groups.setdefault((sensor, symbol), []).append(k)
+    tests = []
+    for (sensor, symbol), places in groups.items():
+        complete = x[places][:, np.all(np.isfinite(x[places]), axis=0)]
+        # Leaves 4 denominator degrees of freedom for three axes.
+        if len(places) < 2 or complete.shape[1] < 6 or len({numbers[k][2:] for k in places}) > 1:
+            continue
+        pvalue = hotelling(np.diff(complete, axis=0))
+        if pvalue is None:
+            continue
+        off = np.mean(complete - complete.mean(axis=0), axis=1)
+        signed = symbol == SIGNED
+        relative = {numbers[k][0]: float(d if signed else np.exp(d)) for k, d in zip(places, off, strict=True)}
+        tests.append(AxisDifference(
+            sensor=sensor, symbol=symbol, unit=numbers[places[0]][2], units=complete.shape[1], relative=relative,
+            pvalue=pvalue, adjusted=1.0, differs=False,
+        ))  # fmt: skip
+    adjusted = holm([test.pvalue for test in tests]).tolist()
+    return tuple(replace(test, adjusted=p, differs=p <= size) for test, p in zip(tests, adjusted, strict=True))
+
+
+def hotelling(d: Matrix) -> float | None:
+    """Return the p-value of Hotelling's test that the mean of d (p, n) over n units is zero; None if it is singular."""
+    from scipy.special import fdtrc
+
+    p, n = d.shape
+    mean = d.mean(axis=1)
+    # The differences are scaled to unit variance, so that the rank does not depend on the unit.
+    size = d.std(axis=1, ddof=1)
+    if n <= p or not np.all(size > 0):
+        return None
+    scatter = np.atleast_2d(np.corrcoef(d))
+    if np.linalg.matrix_rank(scatter, hermitian=True) < p:
+        return None
+    t2 = n * float(mean / size @ np.linalg.solve(scatter, mean / size))
+    return float(fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:

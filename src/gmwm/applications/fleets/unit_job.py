@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gmwm.applications.fleets.rows import Row, plain, rows_of
+from gmwm.applications.fleets.table import Row, plain, rows_of
 from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.axis import MonitoredAxis
-from gmwm.applications.monitor.baseline import Baseline
-from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
-from gmwm.applications.monitor.clock import SampleClock
-from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.naming import NAMING_S, naming_time
-from gmwm.applications.monitor.setup import (
+from gmwm.applications.monitor.axis import MonitoredAxis, Stillness
+from gmwm.applications.monitor.baseline import (
+    Baseline,
     as_every,
     baselines_of,
     check_rate,
@@ -24,14 +20,17 @@ from gmwm.applications.monitor.setup import (
     models_of,
     remarks_of,
 )
-from gmwm.applications.monitor.stillness import Stillness
-from gmwm.applications.monitor.stored import number, require_scale, whole
-from gmwm.applications.monitor.whitening import Gain
+from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
+from gmwm.applications.monitor.events import Event
+from gmwm.applications.monitor.naming import NAMING_S, Fault, naming_time
+from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
 from gmwm.base.arrays import Vector
+from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
+from gmwm.base.units import SI_UNIT
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 
@@ -40,6 +39,40 @@ if TYPE_CHECKING:
 
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
+
+_PER_SECOND = {"rad/s": "rad/s²", "m/s²": "m/s³"}
+
+
+@dataclass(frozen=True)
+class SampleClock:
+    """Conversion of the sample numbers of a monitor to times."""
+
+    rate: float  # Hz
+    runs: tuple[tuple[int, float], ...]  # number and time (s) of the first sample after each gap, for the last gaps
+
+    def time(self, sample: int) -> float:
+        """Return the time (s) of a sample."""
+        first, time = next((run for run in reversed(self.runs) if run[0] <= sample), self.runs[0])
+        return time + (sample - first) / self.rate
+
+    def after_gap(self, sample: int, time: float) -> SampleClock:
+        """Return the clock after a gap, if sample number `sample` is the next one and has the given time (s)."""
+        return SampleClock(self.rate, (*self.runs[-15:], (sample, time)))  # an event may begin before the last gaps
+
+    def event(self, axis: str, fault: Fault, first: Alarm) -> Event:
+        """Return the event that reports a fault of an axis, in SI units. `first` is its first alarm."""
+        unit = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
+        size = fault.size
+        if size is not None and fault.kind == "ramp":
+            size, unit = size * self.rate, _PER_SECOND.get(unit, "")
+        time = self.time(first.sample)
+        return Event(
+            kind=fault.kind, time=time, began=min(self.time(max(fault.onset, 0)), time), axis=axis, level=fault.level,
+            scale=None if not fault.level or fault.ratio is None else (1 << fault.level) / self.rate, size=size,
+            unit=unit if size is not None else "", ratio=fault.ratio,
+            frequency=None if fault.cycles is None else fault.cycles * self.rate,
+        )  # fmt: skip
+
 
 HOLD_S = 60.0
 """Further alarms of an axis are attributed to a reported fault for at least this time (s) after its last alarm."""

@@ -15,7 +15,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.monitor.stored import numbers, whole, wholes
 from gmwm.applications.monitor.thresholds import (
     DESIGN_SHIFT,
     level_threshold,
@@ -23,6 +22,7 @@ from gmwm.applications.monitor.thresholds import (
     shape_factor,
     spike_limit,
 )
+from gmwm.applications.monitor.whitening import numbers, whole, wholes
 from gmwm.base.arrays import Vector
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]

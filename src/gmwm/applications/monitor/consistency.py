@@ -14,10 +14,9 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from gmwm.applications.monitor.baseline import check_rate
 from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency, PredictionError
-from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.setup import check_rate
-from gmwm.applications.monitor.whitening import Gain, Whitener
+from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import noise_unit

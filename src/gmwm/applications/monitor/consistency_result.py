@@ -209,4 +209,4 @@ def _ratio(error: PredictionError) -> str:
     return f"{error.ratio:.2f} ({error.low:.2f} … {error.high:.2f}) {MARKS[error.verdict]}"
 
 
-register(Consistency, "gmwm.applications.monitor.consistency_plot:plot_consistency")
+register(Consistency, "gmwm.applications.monitor.plot:plot_consistency")

@@ -1,9 +1,10 @@
-"""Plot of a monitor: each signal with its events, and the statistics of its control charts."""
+"""Plots of a monitor, with its events and control charts, and of the consistency of a filter."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,13 +12,18 @@ from gmwm.applications.monitor import Event, Trace
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
-from gmwm.showing.plots.axes import quiet
+from gmwm.showing.exporters.quality import TRUE
+from gmwm.showing.plots.axes import limits_of, quiet, time_axis, value_axis
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import axis_title
 from gmwm.showing.plots.linear import even_axis, time_unit
-from gmwm.showing.plots.style import BLUE, DASHED, GREEN, ORANGE, PURPLE, VERMILLION
-from gmwm.showing.plots.view import view_of
+from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
+from gmwm.showing.plots.view import UnitSystem, view_of
+
+if TYPE_CHECKING:
+    from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 
@@ -85,3 +91,33 @@ def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> F
         If the ending of `path` is unknown.
     """
     return trace_figure(trace)
+
+
+def consistency_figure(result: Consistency, units: UnitSystem = "auto") -> Figure:
+    """Return the figure of `Consistency.plot`."""
+    return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})
+
+
+def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
+    view = view_of(axis.unit, "allan", units)
+    times, claimed, real, low, high = np.array(
+        [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
+    ).T
+    claimed, real = view.factor * claimed, view.factor * real
+    least, most = TRUE
+    marks: list[Mark] = [
+        Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
+        Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),
+        Polyline(times, claimed, IMPLIED, label="Claimed error", layer=2),
+        Polyline(times, real, OBSERVED, label="Real error", layer=3),
+    ]
+    y = value_axis(limits_of(np.concatenate([claimed, real])), f"Error of the mean ({view.unit or 'unit of the data'})")
+    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(Text(axis.verdict, 0.5, 0.94),))
+
+
+@drawing
+def plot_consistency(
+    result: Consistency, *, units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None
+) -> Figure:
+    """Draw the claimed and the real error of the mean over the next T seconds against T, a panel for each axis."""
+    return consistency_figure(result, units)

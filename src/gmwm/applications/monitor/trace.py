@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.applications.monitor.api import Monitor
+from gmwm.applications.monitor.baseline import chunks_of
 from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.setup import chunks_of
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register

@@ -10,7 +10,7 @@ Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,11 +18,99 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.monitor.finite_state import Finite
-from gmwm.applications.monitor.stored import number, numbers, whole
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError
+from gmwm.base.remarks import Remark
+from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.ladder import approximation_remarks
+from gmwm.theory.processes.model import Model
+from gmwm.theory.statespace import StateSpace
+
+
+def whole(value: Any) -> int:
+    """Check that a value is a whole number, and return it."""
+    if type(value) is not int or abs(value) > 1 << 62:  # sample numbers are 64-bit integers
+        raise ValueError(f"expected a whole number; got {value!r:.50}")
+    return value
+
+
+def require_scale(axis: str, variance: float) -> None:
+    """Raise a ValueError if squares of the innovations of an axis, relative to their variance, would overflow."""
+    if not 1e-100 < variance < 1e100:
+        raise ValueError(f"the innovations of {axis} must have a variance from 1e-100 to 1e100; got {variance:.3g}")
+
+
+def wholes(values: Any, like: Sequence[int]) -> tuple[int, ...]:
+    """Check that `values` contains whole numbers and has the length of `like`, and return the numbers."""
+    if len(values) != len(like):
+        raise ValueError(f"expected {len(like)} whole numbers; got {len(values)}")
+    return tuple(map(whole, values))
+
+
+def number(value: Any) -> float:
+    """Check that a value is a number, and return it as a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e100:
+        raise ValueError(f"expected a number; got {value!r:.50}")
+    return float(value)
+
+
+def numbers(values: Any) -> Vector:
+    """Check that values are finite numbers, and return them as an array (n,)."""
+    return np.array([number(value) for value in values], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Finite:
+    """State-space form of a model for the monitor."""
+
+    # State space of all terms. It includes a state for the constant level if no term has a diffuse level.
+    space: StateSpace
+    # (p,) mask of the states that are not constant: False only for the state of the constant level
+    moving: NDArray[np.bool_]
+    slope: float  # slope of the drifts, in the unit of the signal per sample
+    remarks: tuple[Remark, ...]  # remarks on terms whose state space is an approximation
+
+    @classmethod
+    def of(cls, model: Model, rate: float) -> Finite:
+        """Return the state-space form of a model with values."""
+        missing = [name for name, value in model.parameters.items() if value is None]
+        if missing:
+            raise ModelError(
+                f"the monitor of {model} needs a value for {', '.join(missing)}",
+                advice="Write the values into the model, or calibrate a recording.",
+            )
+        spaces: list[StateSpace] = []
+        slope = 0.0
+        for process in model.processes:
+            if process.scale == 0:
+                continue
+            if is_ramp(process, rate):
+                slope += float(process.mean(np.array([1.0]))[0])
+            elif process.line(rate) is not None:
+                spaces.append(_line(process, rate))
+            else:
+                spaces.append(process.state_space(rate))
+        if not any(np.any(space.Q) or np.any(space.R) for space in spaces):
+            raise ModelError(f"{model} has no noise", advice="Add white noise, or another term that is not zero.")
+        level = not any(np.any(space.diffuse) for space in spaces)
+        if level:
+            spaces.append(StateSpace(F=1.0, Q=0.0, H=1.0, diffuse=[True]))
+        joined = StateSpace.sum(spaces)
+        moving = np.ones(joined.states, dtype=np.bool_)
+        if level:
+            moving[-1] = False
+        return cls(joined, moving, slope, approximation_remarks(model, rate))
+
+
+def _line(process: Process, rate: float) -> StateSpace:
+    """Return the state space of a sinusoid of slowly changing amplitude and phase, with the power of the process."""
+    space = process.state_space(rate)
+    # Correlation time (s), a choice: disturbances of machines and of mains drift slowly.
+    decay = math.exp(-1.0 / (300.0 * rate))
+    return StateSpace(F=decay * space.F, Q=(1.0 - decay**2) * space.P0, H=space.H, R=space.R, P0=space.P0)
+
 
 FRAME_SAMPLES = 1024
 """Number of samples (a frame) for which the response to the initial state is computed in one step."""

@@ -9,8 +9,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.applications.navigation.axis import BudgetAxis
-from gmwm.applications.navigation.response import EARTH_RATE, MEAN, Response, navigation
+from gmwm.applications.navigation.response import EARTH_RATE, MEAN, BudgetAxis, Response, navigation
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.durations import parse_length

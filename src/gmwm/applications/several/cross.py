@@ -1,4 +1,4 @@
-"""Estimate the wavelet cross-covariance of several signals, and test whether the signals share noise."""
+"""Estimate the wavelet cross-covariance of several signals and their delays, and test whether they share noise."""
 
 from __future__ import annotations
 
@@ -10,22 +10,182 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.applications.several.delays import delays_of
-from gmwm.applications.several.matrices import AxisPairs, measure, pairs_of, product_moment, units_of
+from gmwm.applications.several.matrices import AxisPairs, measure, moment_of, pairs_of, product_moment, units_of
 from gmwm.applications.several.result import CrossCovariance
-from gmwm.applications.several.streamed import Curves, streamed_curves
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
 from gmwm.base.arrays import Vector
 from gmwm.base.multiple_tests import holm
+from gmwm.base.threads import in_threads
 from gmwm.files.readers.streams import Stream
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
+from gmwm.measuring.regression.least_squares import haar
+from gmwm.measuring.streaming.passes import AxisCurves, unit_of
+from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.biweight import require_robust
+from gmwm.measuring.variance.open_segments import exact_levels, held_samples
+from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.batches import Batch, Batches
+from gmwm.recording.gaps import fill_gaps, filled
 from gmwm.recording.options import as_confidence, as_size
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
+
+Pair = tuple[str, str]
+
+
+class Curves(NamedTuple):
+    """Wavelet variances and cross-covariances of several axes."""
+
+    own: Mapping[str, WaveletVariance]  # wavelet variance of each axis
+    moments: Mapping[Pair, Vector]  # cross-covariances γ̂_j of each pair
+    first: Mapping[str, Signal]  # the first batch of samples of each axis, or the whole signals
+
+
+def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float) -> Curves:
+    """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs. The axes
+    are scaled to similar size before they are added. Classical estimates do not depend on the scales and need one pass.
+    Robust estimates do, so the axes are measured first, and their sums and differences afterwards, in up to four
+    passes."""
+    pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
+    sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}
+    count, held = exact_levels(len(axes) + len(sums)), held_samples(len(axes) + len(sums))
+    curves = {
+        name: AxisCurves(
+            WaveletAccumulator(
+                stream.rate, held=held, exact=count, unit="" if name in sums else unit_of(stream, name), axis=name,
+                robust=robust,
+            ),
+            stream.source,
+            efficiency=efficiency,
+        )
+        for name in (*axes, *sums)
+    }  # fmt: skip
+    source = _SumReader(stream, axes, sums)
+    if not robust:
+        source.measure(curves)
+        measured = in_threads(lambda _, curve: curve.classical(), curves)
+    else:
+        measured = _robust(source, {axis: curves[axis] for axis in axes})
+        source.scale = units_of(measured)
+        measured |= _robust(source, {name: curves[name] for name in sums})
+    singles = {axis: measured[axis] for axis in axes}
+    moments = {
+        (a, b): moment_of(
+            [measured[f"{a} {sign:+g} {b}"].variance for sign in signs], singles, source.scale, pair=(a, b)
+        )
+        for a, b in pairs
+    }
+    return Curves(singles, moments, fill_gaps(source.first))
+
+
+def _robust(source: _SumReader, curves: Mapping[str, AxisCurves]) -> dict[str, WaveletVariance]:
+    """Return robust wavelet variances, from one or two passes over the recording."""
+    source.measure(curves)
+    if again := {name: curve for name, curve in curves.items() if curve.begin_again()}:
+        source.measure(again)
+    return dict(in_threads(lambda _, curve: curve.robust(), curves))
+
+
+class _SumReader:
+    """Reads a recording in batches, and adds its axes and their sums to accumulators of wavelet variances."""
+
+    def __init__(self, stream: Stream, axes: Sequence[str], sums: Mapping[str, tuple[str, str, float]]) -> None:
+        self._batches, self._axes, self._sums = Batches(stream), axes, sums
+        self.scale: dict[str, float] = {}
+        self.first: dict[str, Signal] = {}
+
+    def measure(self, curves: Mapping[str, AxisCurves]) -> None:
+        """Add all batches to the accumulators, with short gaps filled."""
+        for batch in filled(map(self._chosen, self._batches), together=True):
+            self._add(batch, curves)
+            del batch  # frees memory before the next batch is read
+
+    def _add(self, batch: Batch, curves: Mapping[str, AxisCurves]) -> None:
+        def add(name: str, curve: AxisCurves) -> None:
+            a, b, sign = self._sums.get(name, (name, "", 0.0))
+            signal = batch.signals[a]
+            if b:
+                values = self.scale[a] * signal.values + sign * self.scale[b] * batch.signals[b].values
+                signal = replace(signal, values=values)
+            curve.update(signal, batch.continues_on(a))
+
+        in_threads(add, curves)
+
+    def _chosen(self, batch: Batch) -> Batch:
+        """Return the chosen axes of a batch. The first batch determines the scale factors."""
+        signals = {axis: batch.signals[axis] for axis in self._axes}
+        if not self.first:
+            self.first = signals
+            self.scale = {axis: _size(signal.values) for axis, signal in signals.items()}
+        return Batch(signals, batch.first, batch.continues)
+
+
+def _size(values: Vector) -> float:
+    """Return the reciprocal of the RMS difference between neighbouring samples, or 1 if this is 0."""
+    size = float(np.sqrt(np.mean(np.diff(values) ** 2))) if values.size > 1 else 0.0
+    return 1 / size if size > 0 else 1.0
+
+
+LARGEST_DELAY_SAMPLES = 3
+"""Largest delay (samples) that can be found."""
+LARGEST_LAG_SAMPLES = 12
+"""Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
+GAIN_IN_ERRORS = 5.0
+"""Smallest gain of correlation by a delay, in standard errors. tests/joint/test_cross.py pins this module."""
+
+
+def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
+    """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out. If
+    one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
+    correlation between samples that are d apart is larger."""
+    longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
+    first, last = longest[0], min(longest[1], longest[0] + (1 << 20))
+    delays: dict[tuple[str, str], int] = {}
+    for level in (1, 2):  # a delay hardly changes the correlation at coarser levels
+        count = last - first - (1 << level)
+        if count < 64 * LARGEST_LAG_SAMPLES:
+            break
+        values = {name: signal.values[first:last] for name, signal in signals.items()}
+        w = {name: haar(x - x.mean(), level) for name, x in values.items()}
+        for pair in pairs_of(list(signals)):
+            delay = _delay(
+                np.array(
+                    [
+                        _correlation(w[pair[0]], w[pair[1]], lag)
+                        for lag in range(-LARGEST_LAG_SAMPLES, LARGEST_LAG_SAMPLES + 1)
+                    ]
+                ),
+                count,
+            )
+            if delay:
+                delays.setdefault(pair, delay)
+    return AxisPairs(delays)
+
+
+def _delay(correlation: Vector, count: int) -> int:
+    """Return the delay that correlations at the lags −WINGS … WINGS show, or 0 if they show none."""
+    size = np.abs(correlation)
+    near = size[LARGEST_LAG_SAMPLES - LARGEST_DELAY_SAMPLES : LARGEST_LAG_SAMPLES + LARGEST_DELAY_SAMPLES + 1]
+    delay = int(np.argmax(near)) - LARGEST_DELAY_SAMPLES
+    peak = LARGEST_LAG_SAMPLES + delay
+    if size[peak] - size[LARGEST_LAG_SAMPLES] <= GAIN_IN_ERRORS / np.sqrt(count):
+        return 0
+    offsets = np.arange(1, LARGEST_DELAY_SAMPLES + 1)
+    uneven = np.abs(correlation[peak + offsets] - correlation[peak - offsets]).max()
+    far = np.concatenate([size[: peak - LARGEST_DELAY_SAMPLES - 2], size[peak + LARGEST_DELAY_SAMPLES + 3 :]]).max()
+    # Far from the delay, and in its asymmetry around it, the correlation is at most 0.4 of that at the delay.
+    return delay if max(uneven, far) <= 0.4 * size[peak] else 0
+
+
+def _correlation(a: Vector, b: Vector, lag: int) -> float:
+    """Return the correlation between a at sample t and b at sample t + lag."""
+    x, y = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
+    power = float(x @ x) * float(y @ y)
+    return float(x @ y) / np.sqrt(power) if power > 0 else 0.0
+
 
 LEAST_FREEDOM = 3.0
 """Degrees of freedom above which a level is tested. With fewer, the statistic has no Student distribution."""

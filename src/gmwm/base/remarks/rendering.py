@@ -78,7 +78,7 @@ def brief(
         Largest number of texts.
     """
     every = texts(remarks, dialect, codes=codes)
-    if len(every) <= most + 1:
+    if len(every) <= most:
         return every
     return [*every[:most], f"and {len(every) - most} more{f' in {rest}' if rest else ''}"]
 
@@ -99,7 +99,8 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
     first, message = group[0], group[0].message
     facts = dict(first.facts)
     detail = message.detail_for(facts)
-    details = [f"{remark.subject} ({render(detail, remark.facts)})" if detail else remark.subject for remark in group]
+    rendered = [(remark.subject, render(detail, remark.facts)) for remark in group]
+    details = [f"{subject} ({text})" if subject and text else subject or text for subject, text in rendered]
     subjects = join_names(list(filter(None, dict.fromkeys(details))), most=8)
     sentence = message.sentence_for(facts)
     text = render(sentence, {**facts, "subjects": subjects}, dialect)

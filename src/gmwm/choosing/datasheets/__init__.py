@@ -11,7 +11,6 @@ import numpy as np
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.at_conditions import numbers_at
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
     Use,
@@ -19,6 +18,7 @@ from gmwm.choosing.datasheets.effective import (
     effective_noise,
     filter_entries,
     limited,
+    numbers_at,
 )
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.limits import measurable, plausible
@@ -195,17 +195,12 @@ def _beside(entry: Entry, entries: list[Entry]) -> Entry:
     return replace(entry, symbol=f"{entry.symbol} of {entry.term}", title=f"{entry.title} of {entry.term}")
 
 
-def _acts(fit: Fit, term: str) -> str | None:
-    """Return the name of the process that a term acts as; None if the data distinguish it from all others."""
-    return fit.diagnostics.acts_as.get(term)
-
-
 def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry], Remark | None]:
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
         return [], Remark.of("no-number", wv.axis, case="term", term=term, because="zero", process="")
-    if other := _acts(judged.fit, term):
+    if other := judged.fit.diagnostics.acts_as.get(term):
         return [], Remark.of("no-number", wv.axis, case="term", term=term, because="acts", process=other)
     numbers = process.physical(wv.rate)
     if not numbers:

@@ -9,9 +9,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.choosing.datasheets.curve import FitCurve, sensitivity
+from gmwm.choosing.datasheets.bias import FitCurve, sensitivity
 from gmwm.choosing.datasheets.effective import is_flicker, is_scale
-from gmwm.choosing.datasheets.measured_limit import variance_limit
+from gmwm.choosing.datasheets.limits import variance_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process

@@ -3,24 +3,84 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
-from gmwm.choosing.datasheets.curve import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
+from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.filter_numbers import FilterNumbers, filter_numbers
+from gmwm.choosing.datasheets.filter_numbers import (
+    LEAST_PERIODS,
+    FilterGain,
+    FilterNumbers,
+    FilterPrediction,
+    filter_numbers,
+)
 from gmwm.choosing.datasheets.limits import hidden
-from gmwm.choosing.datasheets.misfit import CurveRatio, curve_ratio
-from gmwm.choosing.datasheets.prediction import LEAST_PERIODS, FilterGain, FilterPrediction
+from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+MISFIT_ERRORS = 3.0
+"""Number of standard errors between model and measurement from which the measurement is used. In a fit of the true
+model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effective_noise.py."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurveRatio:
+    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency. `logs` (J,) is
+    its logarithm at each level, and `errors` (J,) the standard error; both are 0 where the model fits."""
+
+    levels: Vector
+    logs: Vector
+    errors: Vector
+
+    def __call__(self, theta: Vector) -> Vector:
+        """Return the ratio at angular frequencies (rad per sample), linear in logarithms between centres √2 π/2^j of
+        octaves."""
+        level = math.log2(math.sqrt(2) * math.pi) - np.log2(theta)
+        return np.asarray(np.exp(np.interp(level, self.levels, self.logs)))
+
+    def moved(self) -> Iterator[CurveRatio]:
+        """Yield the ratio with its logarithm increased by one standard error at one level after another."""
+        for k in np.flatnonzero(self.errors):
+            yield replace(self, logs=self.logs + np.where(np.arange(self.logs.size) == k, self.errors, 0.0))
+
+
+def curve_ratio(fit: Fit) -> CurveRatio | None:
+    """Return the factor from the density of a model to the measured one; None if it is 1. It is the ratio of both
+    variances, without the sinusoids, at levels that differ by more than `MISFIT_ERRORS` standard errors, and 1 at the
+    others."""
+    fit = fit.without_lags
+    wv = fit.wavelet_variance
+    lines = np.zeros(len(wv))
+    for process in fit.model.processes:
+        if process.scale != 0 and process.oscillation() is not None:
+            lines += process.wavelet_variance(wv.levels, wv.rate, wv.filter)
+    usable = (wv.variance > lines) & (fit.implied > lines) & (wv.lower > 0)
+    measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])
+    limit = np.where(implied > measured, np.log(wv.upper[usable]), np.log(wv.lower[usable]))
+    error = np.abs(limit - measured) / NormalDist().inv_cdf((1 + wv.confidence) / 2)
+    if np.any(lines > 0):  # the power of an oscillation varies more than that of broad noise with the same variance
+        error = np.maximum(error, np.sqrt(np.diag(fit.sandwich.sampling.wavelet)[usable]))
+    outside = np.abs(implied - measured) > MISFIT_ERRORS * error
+    if not np.any(outside):
+        return None
+    noise = np.log((wv.variance - lines)[usable] / (fit.implied - lines)[usable])
+    logs, errors = np.zeros(len(wv)), np.zeros(len(wv))
+    logs[usable], errors[usable] = np.where(outside, noise, 0.0), np.where(outside, error, 0.0)
+    return CurveRatio(np.asarray(wv.levels, dtype=np.float64), logs, errors)
+
 
 DEFAULT_HORIZON_S = 1.0
 """Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
@@ -195,11 +255,11 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
-            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             moved = [
                 filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
                 for each in (ratio.moved() if ratio is not None else ())
             ]
+            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
             errors = None
@@ -249,3 +309,61 @@ def is_flicker(process: Process, rate: float) -> bool:
 def is_scale(process: Process, name: str | None) -> bool:
     """Return whether a free parameter is the scale of a process; None is the scale of a term estimated as zero."""
     return name is None or name == process.scale_parameter().name
+
+
+def numbers_at(
+    fit: ConditionsFit, conditions: Sequence[float] | None = None, *, horizon: float = DEFAULT_HORIZON_S
+) -> DataFrame:  # fmt: skip
+    """Compute the white noise N and the random walk K of a filter, and correlation times, at values of a condition.
+
+    A program that measures the condition interpolates in this table, and changes N, K and T_c of its filter with it.
+
+    Parameters
+    ----------
+    fit : ConditionsFit
+        Fit to recordings at known conditions, or to one recording during which the condition moves.
+    conditions : sequence of float, optional
+        Values of the condition within the range of the data; those of the curves by default.
+    horizon : float
+        Horizon (s) of N and K; see `effective_noise`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Columns: the condition; N in the unit of the signal per √Hz; K in this unit per √s; "T_c of …" (s) of each
+        Gauss-Markov term.
+
+    Raises
+    ------
+    OptionError
+        If a condition is outside the range of the data, or the horizon is not a positive time.
+
+    Examples
+    --------
+    >>> import numpy as np, gmwm
+    >>> rng = np.random.default_rng(1)
+    >>> recordings = {c: gmwm.Signal(s * rng.normal(size=20_000), 100.0) for c, s in ((0.0, 1.0), (2.0, 3.0))}
+    >>> fit = gmwm.fit("WN", recordings, varies={"WN": "1 + rate**2"})
+    >>> numbers_at(fit, [0.0, 1.0, 2.0])["N"].round(2).to_list()
+    [0.1, 0.17, 0.3]
+    """
+    from polars import DataFrame
+
+    seconds, rate = checked_horizon(horizon), next(iter(fit.curves.values())).rate
+    rows = []
+    for condition in fit.curves if conditions is None else conditions:
+        model = fit.at(condition)
+        numbers = filter_numbers(model.processes, rate, seconds)
+        times = {
+            f"T_c of {term}": process.correlation_time(rate)
+            for term, process in zip(model.terms, model.processes, strict=True)
+            if process.parametrises is not None
+        }
+        rows.append({fit.condition: float(condition), "N": numbers.N, "K": numbers.K, **times})
+    return DataFrame(rows)
+
+
+SLOWEST_FILTER_SAMPLES = 1e10
+"""Default of the longest time constant 1/w of a filter, in samples."""
+_HIGHEST, _PER_DECADE = 1e3, 6
+"""Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""

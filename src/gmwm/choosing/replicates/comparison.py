@@ -58,7 +58,8 @@ class LevelRatio:
     @property
     def difference(self) -> Difference:
         """The ratio in the form of all comparisons."""
-        name = f"{self.axis} at {duration_text(self.tau)}, {self.recording}".removeprefix(" ")
+        recording = f"recording {self.recording}" if self.recording.isdigit() else self.recording
+        name = f"{self.axis} at {duration_text(self.tau)}, {recording}".removeprefix(" ")
         return Difference(
             name=name, ratio=self.ratio, lower=self.lower, upper=self.upper, pvalue=self.pvalue, differs=self.differs
         )  # fmt: skip

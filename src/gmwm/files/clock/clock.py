@@ -23,7 +23,14 @@ from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SampleLosses, find_losses, resolution_of
 from gmwm.files.clock.stamp_order import ClockSteps, in_order, nominal_interval, require_span, without_steps_back
-from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, as_stamps, require_countable
+from gmwm.files.clock.time_stamps import (
+    SegmentStarts,
+    Timing,
+    about_stamps,
+    as_stamps,
+    calendar_unit,
+    require_countable,
+)
 
 BLOCK, MARGIN = 1 << 20, 1 << 16
 """Rows of a block, and rows on each side that are analysed with it. A change of the rate lasts for 3/64 of them."""
@@ -73,6 +80,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
         if first is None:
+            unit = unit or calendar_unit(window)
             stamps, remark = as_stamps(window, unit, rate)
             unit, first = unit or stamps.unit, window[0].item()
         blocks.append(
@@ -92,7 +100,7 @@ def rows_between(
 ) -> tuple[slice, float]:
     """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
     clock is not known yet, so the time of a row is its time stamp."""
-    unit = unit or as_stamps(values, unit, rate)[0].unit
+    unit = unit or calendar_unit(values) or as_stamps(values, unit, rate)[0].unit
     window = _StampWindow.of(values, values[0].item(), unit)
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
     first, last = np.searchsorted(ticks, [begin * window.per_second, end * window.per_second]).tolist()

@@ -11,7 +11,8 @@ other rises.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,11 @@ class PhaseSearch:
     """Relative difference between the declared interval and one without a lost sample, jitter included."""
     slips: int = 5
     """Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
+    drift: tuple[float, float] = (0.01, 0.2)
+    """Relative range of a drifting interval that is removed before phases are compared. Below, phases follow the drift;
+    above, the rate was changed."""
+    lost_while_drifting: float = 0.02
+    """Largest share of long intervals at which the course of the interval is measured over 16 rows."""
 
 
 SEARCH = PhaseSearch()
@@ -81,6 +87,41 @@ class SampleLosses:
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> SampleLosses:
     """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
     The declared interval (ticks) decides if several intervals explain the time stamps."""
+    even = _without_drift(ticks, resolution)
+    if even is not None:
+        losses = _steady_losses(even, resolution, declared)
+        index = ticks.size - 1 + np.sum(losses.lost) - losses.repeated.size
+        return replace(losses, interval=float((ticks[-1] - ticks[0]) / index))
+    return _steady_losses(ticks, resolution, declared)
+
+
+def _without_drift(ticks: Vector, resolution: float) -> Vector | None:
+    """Return time stamps in which a slow drift of the interval is undone; None if there is none."""
+    typical, lag, degree = _typical(ticks), 16, 5
+    steps = np.diff(ticks)
+    parts = min(64, ticks.size // 256)
+    long = np.count_nonzero(steps > 1.75 * typical)
+    if parts < 12 or resolution >= SEARCH.coarse * typical or long > SEARCH.lost_while_drifting * steps.size:
+        return None
+    rows = np.linspace(0, ticks.size - lag, parts + 1).astype(np.int64)
+    apart = (ticks[lag:] - ticks[:-lag]) / (lag * typical)
+    course = np.array([np.median(apart[a:b]) for a, b in pairwise(rows.tolist())])
+    centre = (rows[1:] + rows[:-1] + lag) / 2
+    curve = np.polynomial.Legendre.fit(centre, course, degree)
+    scatter = 1.4826 * float(np.median(np.abs(course - curve(centre))))
+    knots = np.linspace(0, ticks.size - 1, 16 * parts).astype(np.int64)
+    local = curve(np.clip(knots, centre[0], centre[-1]))
+    extent = float(np.ptp(local))
+    # The curve has a standard error of about half of the scatter; a change of the rate leaves larger differences.
+    if not max(SEARCH.drift[0], 4 * scatter) < extent < SEARCH.drift[1]:
+        return None
+    times = np.maximum.accumulate(ticks[knots])
+    slow = np.concatenate([[0.0], np.cumsum(np.diff(times) * (1 / local[1:] + 1 / local[:-1]) / 2)])
+    return np.asarray(np.interp(ticks, times, slow))
+
+
+def _steady_losses(ticks: Vector, resolution: float, declared: float | None) -> SampleLosses:
+    """Find the sampling interval and the lost samples of a clock whose interval drifts by little."""
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE

@@ -2,8 +2,9 @@
 
     2024-05-01T12:00:00.123456789Z   2024-05-01 12:00:00,123+02:00   2024/05/01 12:00:00   20240501T120000   12:00:00.5
 
-The year must come first, because 05/01/2024 is a day in January in some countries and in May in others. A time with an
-offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a second are read.
+05/01/2024 is a day in January in some countries and in May in others: `formats.line_forms` removes it, so that the time
+of day remains. A time with an offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a
+second are read.
 """
 
 from __future__ import annotations
@@ -40,7 +41,6 @@ _YEARS = (1700, 2199)
 _SEPARATED = re.compile(r"\d[:Tt]\d")  # never in a number
 _LOOKS = re.compile(r"\d[-/.]\d\d?[-/.]\d|\d{4}-?\d\d-?\d\d[Tt]|\d:\d\d")
 _DATE_ALONE = re.compile(r"\d{4}([-/.])\d\d?\1\d\d?|\d\d?([-/.])\d\d?\2\d{2,4}")
-_DAY_OR_MONTH = re.compile(r"\d\d?([-/.])\d\d?\1\d{2,4}\b.*")
 
 _WANTED = "expected numbers, or dates and times such as 2024-05-01T12:00:00.123Z (ISO 8601)"
 _OR_LEAVE_OUT = "or leave it out with {--columns=time:none} and pass {--rate}."
@@ -73,7 +73,8 @@ def parted_stamp(row: Sequence[str]) -> int | None:
     """
     for k, (cell, following) in enumerate(pairwise(row)):
         fraction = is_stamp(cell) and re.search(r":\d\d$", cell) and re.fullmatch(r"\d{3}|\d{6}|\d{9}", following)
-        if fraction or (is_time_of_day(following) and is_stamp(f"{cell} {following}")):
+        dated = _DATE_ALONE.fullmatch(cell) or is_stamp(f"{cell} {following}")
+        if fraction or (is_time_of_day(following) and dated):
             return k
     return None
 
@@ -109,12 +110,6 @@ def require_readable(cell: str, path: object) -> None:
             f"{path}: the time column holds dates without times ({text!r})",
             code="dates-without-times",
             advice="If another column holds the times, name it as time with {--columns}, " + _OR_LEAVE_OUT,
-        )
-    if _DAY_OR_MONTH.fullmatch(text):
-        raise ReadError(
-            f"{path}: day and month of the dates in the time column cannot be distinguished ({text!r}); {_WANTED}",
-            code="dates-ambiguous",
-            advice="Write the dates with the year first, " + _OR_LEAVE_OUT,
         )
     raise ReadError(
         f"{path}: the dates or times in the time column cannot be read ({text!r}); {_WANTED}",

@@ -26,6 +26,13 @@ from gmwm.files.clock.stamp_order import nominal_interval
 
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
+_CALENDARS = (
+    ("d", 36_892.0, 51_136.0),
+    ("d", 730_852.0, 745_096.0),
+    ("ticks", 6.31e17, 6.44e17),
+    ("ticks", 1.26e17, 1.39e17),
+)
+"""Unit and range of time stamps in the same years: days of Excel and MATLAB (datenum), ticks of .NET and Windows."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,17 @@ def require_countable(values: NDArray[Any]) -> None:
     )
 
 
+def calendar_unit(values: NDArray[Any]) -> str:
+    """Return the unit of time stamps that count from the first day of a calendar; "" if they do not.
+
+    >>> calendar_unit(np.array([45413.5, 45413.500000116])), calendar_unit(np.array([45413.5, 45413.51]))
+    ('d', '')
+    """
+    unit = next((unit for unit, low, high in _CALENDARS if low <= values[0] <= high), "")
+    slow = 2 / LONG_TIME_UNITS.get(unit, 1)  # an interval of 2 s
+    return unit if unit and nominal_interval((values - values[0]).astype(np.float64)) < slow else ""
+
+
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     """Return the only unit in which the time stamps are plausible."""
     interval = nominal_interval(ticks)
@@ -121,7 +139,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
         agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= 0.05]
         if agreeing:
             return agreeing[0]
-    low, high = (0.1, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
+    low, high = (0.9, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
     possible = [unit for unit, value in rates.items() if low <= value <= high]
     epoch = [unit for unit in possible if _EPOCH[0] <= origin / TIME_UNITS[unit] <= _EPOCH[1]]
     # Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare

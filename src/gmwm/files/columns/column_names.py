@@ -10,16 +10,16 @@ import re
 from dataclasses import dataclass
 
 from gmwm.base.axis_names import AXES
-from gmwm.base.units import TIME_WORDS, find_time_unit, find_unit
+from gmwm.base.units import SI_UNIT, TIME_WORDS, find_time_unit, find_unit
 from gmwm.files.contract import Channel
 
 _GYRO = {
     "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
-    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr",
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
-    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc",
+    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc", "accl",
 }  # fmt: skip
 _OTHER = {
     "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
@@ -40,14 +40,16 @@ _REMARKS = {
 }  # fmt: skip
 _HARMLESS = {
     "raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated", "lsb", "lsbs", "count", "counts", "adc",
-    "digits", "bits",
+    "digits", "bits", "out",
 }  # fmt: skip
 _FILL_WORDS = {"axis", "in"}  # words in names such as "acceleration in g, x axis"
 _NOT_SAMPLES = {
     "accuracy", "offset", "scale", "noise", "time", "timestamp", "stamp", "counter", "clip", "clipping", "range",
     "mean", "min", "max", "rms", "norm", "enabled", "flag", "health", "type", "id", "fft", "psd", "angle", "linear",
+    "gravity",
 }  # fmt: skip
 _MENTIONS = {"gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate", "accel": r"acc(?!u|ept|ess)|specificforce"}
+_FIELDS = {"h", "b", "m", "magn", "compass", "velocity", "vel", "force"}  # magnetic fields may be in mG, milligauss
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
@@ -185,6 +187,24 @@ def mentioned_sensor(name: str) -> tuple[str, str]:
     return "", ""
 
 
+def axis_by_unit(name: str) -> tuple[str, str]:
+    """Return the axis that the unit and a letter of a column name imply, and the name without the letter; ("", "") if
+    they imply none.
+
+    >>> axis_by_unit("AsX(°/s)"), axis_by_unit("MagX (mG)"), axis_by_unit("RateStdX (°/s)")
+    (('gyro_x', 'as'), ('', ''), ('', ''))
+    """
+    text, unit = _without_bracket(clean(name))
+    words = _words(text)
+    if not words or (_OTHER | _NOT_SAMPLES | _FIELDS) & set(words):
+        return "", ""
+    for letter, stem in _letters(words):
+        for sensor in SI_UNIT:
+            if stem and not _FIELDS & set(stem) and (unit_of(unit, sensor) or _last_unit(stem[1:], sensor)):
+                return f"{sensor}_{letter}", "".join(stem)
+    return "", ""
+
+
 def unknown_unit(name: str, stated: str, axis: str) -> str:
     """Return what a column states as its unit if this is not a unit of its axis; otherwise "".
 
@@ -277,7 +297,7 @@ def _quantity(words: list[str]) -> str:
         return ""
     for quantity, names in (("gyro", _GYRO), ("accel", _ACCEL)):
         # A single letter (w, a) is a sensor only at the beginning of the name: w_RS_S_x.
-        if joined in names or any(joined.endswith(n) for n in names if len(n) > 7):
+        if joined in names or any(n in joined for n in names if len(n) > 7):
             return quantity
         if any(word in names or word.rstrip("0123456789") in names for word in long):
             return quantity

@@ -175,7 +175,8 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     if (stamp := _header_stamp(layout, candidates.get("time", []))) is not None:
         candidates["time"] = [stamp]
     remarks = []
-    names = ["" if k in used else channel.name for k, channel in enumerate(layout.channels)]
+    cells = layout.first_row if len(layout.first_row) == len(layout.channels) else ("0",) * len(layout.channels)
+    names = ["" if k in used or not _has_value(cells[k]) else channel.name for k, channel in enumerate(layout.channels)]
     short = by_short_names(names, wanted - set(candidates))
     for group in (AXES[:3], AXES[3:], ("time",)):
         if roles := tuple(role for role in group if role in short):

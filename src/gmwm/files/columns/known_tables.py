@@ -2,7 +2,8 @@
 
 Sources: descriptions of NCLT and KAIST Urban; PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot,
 libraries/AP_InertialSensor/LogStructure.h; blackbox-tools of Betaflight; Movella DOT user manual, "Data export";
-MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT, VectorNavDataLogger; SensorLog for iOS.
+MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT, VectorNavDataLogger; SensorLog for iOS; Physics
+Toolbox Sensor Suite; OpenLog Artemis (SparkFun); Gyroflow, "gcsv reference".
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from gmwm.base.units import TIME_UNITS
 
 _AXIS = {"0": "x", "1": "y", "2": "z"}
 _RAD, _DEG, _SI, _G = "rad/s", "deg/s", "m/s²", "g"
@@ -121,6 +124,27 @@ _TABLES = (
         ),
     ),
     KnownTable(
+        "Physics Toolbox",
+        (r"time", r"gFx"),
+        ((r"time", "time", "s"), (r"w([xyz])", "gyro", _RAD), (r"gF([xyz])", "accel", _G)),
+    ),
+    KnownTable(
+        "OpenLog Artemis",
+        (r"rtcTime|micros", r"aX", r"gX", r"imu_degC"),
+        (
+            (r"rtcTime", "time", ""),
+            (r"g([XYZ])", "gyro", _DEG),
+            (r"a([XYZ])", "accel", "mg"),
+            (r"imu_degC", "temperature", "°C"),
+        ),
+    ),
+    KnownTable(
+        "Gyroflow's gcsv",
+        (r"t",),
+        ((r"t", "time", ""), (r"g([xyz])", "gyro", ""), (r"a([xyz])", "accel", "")),
+        above=r"^(GYROFLOW|CAMERA) IMU LOG",
+    ),
+    KnownTable(
         "SensorLog for iOS",
         (r"accelerometerAccelerationX\(G\)",),
         (
@@ -165,19 +189,26 @@ def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple
     return "", {}
 
 
-def blackbox_units(above: Sequence[str]) -> dict[str, tuple[str, float]]:
-    """Return unit and scale of the sensors of a decoded blackbox log, from the headers of the log above the table. The
-    scale 1.0 of gyroscopes is that of numbers in deg/s (Betaflight's blackbox-log-viewer, FlightLog).
+def stated_scales(above: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Return unit and scale of the sensors and of the time, from the lines above a decoded blackbox log or in a gcsv
+    file. A gyro_scale of 1.0 is that of numbers in deg/s (Betaflight's blackbox-log-viewer, FlightLog).
 
-    >>> blackbox_units(['"acc_1G","2048"', '"gyro_scale","0x3f800000"'])
+    >>> stated_scales(['"acc_1G","2048"', '"gyro_scale","0x3f800000"'])
     {'accel': ('g', 0.00048828125), 'gyro': ('deg/s', 1.0)}
+    >>> stated_scales(["tscale,0.001", "gscale,0.00122"])
+    {'gyro': ('rad/s', 0.00122), 'time': ('ms', 1.0)}
     """
     text, units = "\n".join(above), dict[str, tuple[str, float]]()
     if gravity := re.search(r"\bacc_1G\W+(\d+)", text):
         units["accel"] = ("g", 1 / (int(gravity[1]) or 1))
     if re.search(r"\bgyro_scale\W+(?:0x3f800000|1\.0*\b)", text):
         units["gyro"] = ("deg/s", 1.0)
-    return units
+    scales = {key: float(number) for key, number in re.findall(r"(?m)^([tga])scale,(\d[\d.]*(?:e-?\d+)?)", text)}
+    units |= {
+        role: (unit, scales[key]) for key, role, unit in (("g", "gyro", _RAD), ("a", "accel", _G)) if key in scales
+    }
+    unit = next((unit for unit, count in TIME_UNITS.items() if round(count * scales.get("t", 0.0), 6) == 1), "")
+    return units | ({"time": (unit, 1.0)} if unit else {})
 
 
 def _roles(table: KnownTable, names: Sequence[str]) -> dict[int, tuple[str, str]]:

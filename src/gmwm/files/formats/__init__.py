@@ -13,6 +13,7 @@ from gmwm.files.formats import (
     npy,
     oxts,
     parquet,
+    records,
     rosbag,
     sensorlogger,
     sentences,
@@ -24,5 +25,5 @@ from gmwm.files.formats import (
 
 __all__ = [
     "archive", "compressed", "dataflash", "dataflash_text", "epson", "hdf5", "imr", "kalibr", "matlab", "npy", "oxts",
-    "parquet", "rosbag", "sensorlogger", "sentences", "text", "ulog", "waypoint", "xsens",
+    "parquet", "records", "rosbag", "sensorlogger", "sentences", "text", "ulog", "waypoint", "xsens",
 ]  # fmt: skip

@@ -12,12 +12,14 @@ import io
 import sys
 import zipfile
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import IO, TYPE_CHECKING, BinaryIO, cast
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, cast
 
 from gmwm.base.errors import ReadError
+from gmwm.files.contract import HEAD_BYTES
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -142,6 +144,63 @@ class MemberSource(FileSource):
             ) from error
 
 
+@dataclass(frozen=True)
+class ConvertedSource(FileSource):
+    """The bytes of a source that are converted to a table of text while they are read."""
+
+    inner: FileSource
+
+    def __str__(self) -> str:
+        return str(self.inner)
+
+    @property
+    def unpacked_path(self) -> Path:
+        """The name of the unpacked file."""
+        return self.inner.unpacked_path
+
+    @property
+    def seekable(self) -> bool:
+        """False, because the text before the end must be converted first."""
+        return False
+
+
+@dataclass(frozen=True)
+class RecodedSource(ConvertedSource):
+    """The text of a source in UTF-16 or with bare carriage returns, in UTF-8 with line feeds."""
+
+    encoding: str
+
+    def open(self) -> BinaryIO:
+        """Open the recoded bytes. Bytes that are not UTF-8 are kept."""
+        errors = "surrogateescape" if self.encoding == "utf-8" else "replace"
+        text = io.TextIOWrapper(self.inner.open(), self.encoding, errors, newline=None)
+        blocks = (part.encode("utf-8", errors) for part in iter(lambda: text.read(1 << 16), ""))
+        return io.BufferedReader(BlockStream(blocks, text), 1 << 18)
+
+
+def recoded(source: FileSource) -> FileSource:
+    """Return a source of UTF-8 with line feeds, whatever the encoding and the line ends of its text."""
+    with source.open() as file:
+        head = file.read(HEAD_BYTES)
+    encoding = text_encoding(head)
+    if not encoding and b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
+        encoding = "utf-8"
+    return RecodedSource(source.path, source, encoding) if encoding else source
+
+
+def text_encoding(head: bytes) -> str:
+    """Return the encoding of UTF-16 text, by its mark or by the zeros in every second byte; "" for other text.
+
+    >>> text_encoding("time,gx".encode("utf-16-be")), text_encoding(b"time,gx")
+    ('utf-16-be', '')
+    """
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    halves = {"utf-16-be": head[::2], "utf-16-le": head[1::2]}
+    name = next((name for name, half in halves.items() if head[1:] and 3 * half.count(0) > 2 * len(half)), "")
+    return name if name and "".join(head[:400].decode(name, "replace").split()).isprintable() else ""
+
+
 def zstd_library() -> ModuleType:
     """Return the Zstandard module: from the standard library since Python 3.14, from a backport before."""
     if sys.version_info >= (3, 14):
@@ -186,6 +245,34 @@ def require_ratio(unpacked: int, packed: int, name: object) -> None:
 
 def _limit(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
     return io.BufferedReader(_CountingStream(stream, name, packed, owner), 1 << 18)
+
+
+class BlockStream(io.RawIOBase):
+    """A stream of blocks of bytes, which a file is converted to."""
+
+    def __init__(self, blocks: Iterator[bytes], file: IO[Any]) -> None:
+        self._blocks, self._file, self._rest = blocks, file, b""
+
+    def readable(self) -> bool:
+        """Return True: the bytes can be read."""
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Read the next bytes into a buffer."""
+        view = memoryview(buffer).cast("B")
+        while not self._rest:
+            block = next(self._blocks, None)
+            if block is None:
+                return 0
+            self._rest = block
+        data, self._rest = self._rest[: len(view)], self._rest[len(view) :]
+        view[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        """Close the stream and the file."""
+        self._file.close()
+        super().close()
 
 
 class _CountingStream(io.RawIOBase):

@@ -64,6 +64,10 @@ class Definition:
         stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
         return tuple(islice(self._leaves(self.name, "", 0), 512))
 
+    def decoder(self, wanted: Sequence[str]) -> Decoder:
+        """Return a decoder of some numbers."""
+        return Decoder(self, wanted)
+
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         for name, description in self.fields(kind, depth):
             path = prefix + name

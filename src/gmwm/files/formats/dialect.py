@@ -19,6 +19,7 @@ from gmwm.base.units import TIME_UNITS, find_time_unit
 from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.formats.decimals import WITHOUT_GROUPS, is_number, require_clear_commas
+from gmwm.files.formats.line_forms import LineForms, line_forms, plain_header
 from gmwm.files.formats.stamp_parts import StampParts, find_parts
 
 Commas = Literal["", "decimal", "thousands"]
@@ -88,8 +89,10 @@ def comment_sign(line: str) -> str:
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
 
-def detect(lines: list[str], path: object, commas: Commas = "") -> TextDialect:
-    """Detect the dialect of a file from its first lines. `commas` states what a comma in a number is."""
+def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str, ...] = ()) -> TextDialect:
+    """Detect the dialect of a file from its first lines. `commas` states what a comma in a number is, `names` the names
+    of the columns if they are not in the lines."""
+    lines = plain_header(lines)
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
         raise ReadError(
@@ -97,9 +100,9 @@ def detect(lines: list[str], path: object, commas: Commas = "") -> TextDialect:
             code="empty",
             advice="Check whether the recording was interrupted.",
         )
-    cleaning, labels = _cleaning([line for _, line in body])
-    for pattern, replacement in cleaning:
-        body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
+    forms = LineForms(names=names) if names else line_forms([line for _, line in body])
+    cleaning = forms.replacements
+    body = [(k, forms.rewritten(line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
     if commas == "thousands" and delimiter != ",":
         cleaning = (*cleaning, WITHOUT_GROUPS)
@@ -129,13 +132,14 @@ def detect(lines: list[str], path: object, commas: Commas = "") -> TextDialect:
     comments = [line for line in lines[: first_line - 1] if comment_sign(line) and len(line) <= 8192]
     where = (path, first_line)
     names, units = (
-        (labels, ())
-        if len(labels) == columns
+        (forms.names, ())
+        if len(forms.names) == columns
         else _split_stamp_header(
             header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
         )
         or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     )
+    units = forms.units if len(forms.units) == columns else units
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     complete = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
     if decimal_comma and not commas:
@@ -151,35 +155,8 @@ def detect(lines: list[str], path: object, commas: Commas = "") -> TextDialect:
         rate=_stated_rate(comments, [line for k, line in body[:start]]), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
-        stamp_parts=find_parts(names, integers, complete), cleaning=cleaning,
+        stamp_parts=find_parts(names, complete), cleaning=cleaning,
     )  # fmt: skip
-
-
-_LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
-_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*(?![^\s,;:=])[\s,;]*(?![\s,;])){{2,}}")
-_ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
-_WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
-WEEK = (_WEEK_SECONDS.encode(), b"")
-"""Replacement that removes the week from time stamps such as 2190:345600.005."""
-
-
-def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
-    """Return the replacements to make in each line, and the names of the columns if each number has a label. Programs
-    for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1"."""
-    sample = lines[len(lines) // 2 :][:50]
-    replacements: list[tuple[bytes, bytes]] = []
-    if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
-        text = sample[-1].partition(" -> ")[2]
-        sign = next((mark for mark in ",;\t" if mark in text), " ")
-        replacements.append((rb" -> ", sign.encode()))
-    weeks = [re.search(rf"{_WEEK_SECONDS}(\d+)", line) for line in sample]
-    if sample and all(weeks) and any(int(match[1]) >= 60 for match in weeks if match):  # minutes have 60 seconds
-        replacements.append(WEEK)
-    labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
-    if 2 * len(labelled) <= len(sample):
-        return tuple(replacements), ()
-    names = (*["time"] * len(replacements), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
-    return (*replacements, (_LABEL.encode(), b"")), names
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:

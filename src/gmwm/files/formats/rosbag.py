@@ -34,6 +34,7 @@ from gmwm.files.formats.bag_types import IMU, definition
 from gmwm.files.formats.bagfiles import Batch, Storage, Topic, decompress_messages, merge_topics
 from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
 from gmwm.files.formats.cdr import Decoder, Definition
+from gmwm.files.formats.json_types import JsonDecoder, JsonType
 
 LOG_TIME = "log_time"
 """Name of the channel with the time at which a message was recorded."""
@@ -57,7 +58,7 @@ class _TopicState:
     """The topic of a layout, the type of its messages, and the topic of its temperature if there is one."""
 
     topic: Topic
-    definition: Definition
+    definition: Definition | JsonType
     temperature: Topic | None = None
 
 
@@ -86,8 +87,8 @@ class RosbagReader(Reader):
             raise ReadError(
                 f"{path} has no topic whose messages can be read. Its topics: {described}",
                 code="no-inertial-data",
-                advice="Messages must have the encoding cdr or ros1, and a type of ROS itself or one that the "
-                "recording defines (as ROS 1 and MCAP do, and databases since ROS 2 Iron).",
+                advice="Messages must be JSON, or have the encoding cdr or ros1 and a type of ROS itself or one that "
+                "the recording defines (as ROS 1 and MCAP do, and databases since ROS 2 Iron).",
             )
         return tuple(layouts)
 
@@ -98,7 +99,7 @@ class RosbagReader(Reader):
         stamp = next((c.name for c in layout.channels if c.axis == "time"), LOG_TIME)
         warm = stream.temperature is not None and TEMPERATURE in names.values()
         fields = dict.fromkeys([*names.values(), stamp] if warm else names.values())
-        decoder = Decoder(stream.definition, [name for name in fields if name not in (LOG_TIME, TEMPERATURE)])
+        decoder = stream.definition.decoder([name for name in fields if name not in (LOG_TIME, TEMPERATURE)])
         with _storages(path) as storages:
             slow = _temperatures(stream.temperature if warm else None, stamp, storages, path)
             for times, messages in _batches(storages, stream.topic):
@@ -250,7 +251,7 @@ def _temperatures(
     kind = None if topic is None else definition(topic)
     stamps, values = [np.empty(0, dtype=np.int64)], [np.empty(0)]
     if topic is not None and kind is not None:
-        decoder = Decoder(kind, [STAMP, "temperature"])
+        decoder = kind.decoder([STAMP, "temperature"])
         for times, messages in _batches(storages, topic):
             numbers = _decode(decoder, messages, topic, path)
             # The temperatures need times of the same clock as the samples.
@@ -274,7 +275,7 @@ def _interpolate(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int6
 def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
     """Return the layout of a topic; None if its messages contain no numbers."""
     try:
-        kind = definition(topic)
+        kind = _type(topic, storages)
         leaves = () if kind is None else kind.leaves()
     except ReadError as error:
         raise error.at(str(path)) from error
@@ -302,7 +303,16 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
     )  # fmt: skip
 
 
-def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages: Sequence[Storage]) -> Layout:
+def _type(topic: Topic, storages: Sequence[Storage]) -> Definition | JsonType | None:
+    """Return the type of the messages of a topic; None if it is not known. JSON messages state it by themselves."""
+    if topic.encoding != "json":
+        return definition(topic)
+    return next((JsonType.of(messages[:64]) for _, messages in _batches(storages, topic)), None)
+
+
+def _imu_layout(
+    topic: Topic, kind: Definition | JsonType, leaves: Sequence[str], storages: Sequence[Storage]
+) -> Layout:
     """Return the layout of a sensor_msgs/Imu topic, without sensors that are marked as absent or always zero."""
     names = [leaf for leaf in leaves if leaf == STAMP or leaf.split(".")[0] in _SENSORS]
     first = _first(topic, kind, [*names, *(f"{sensor}_covariance[0]" for sensor in _SENSORS)], storages)
@@ -333,15 +343,17 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
     )  # fmt: skip
 
 
-def _first(topic: Topic, kind: Definition, names: Sequence[str], storages: Sequence[Storage]) -> dict[str, Any]:
+def _first(
+    topic: Topic, kind: Definition | JsonType, names: Sequence[str], storages: Sequence[Storage]
+) -> dict[str, Any]:
     """Return the numbers `names` of the first messages of a topic; empty arrays if it has no messages."""
     for _, messages in _batches(storages, topic):
         # First messages that show whether a sensor is always zero; noise is not zero in 64 samples
-        return _decode(Decoder(kind, names), messages[:64], topic, storages[0].path)
+        return _decode(kind.decoder(names), messages[:64], topic, storages[0].path)
     return {name: np.empty(0) for name in names}
 
 
-def _decode(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
+def _decode(decoder: Decoder | JsonDecoder, messages: Sequence[bytes], topic: Topic, path: Path) -> dict[str, Any]:
     try:
         return decoder.decode(messages)
     except ReadError as error:

@@ -30,8 +30,8 @@ from gmwm.files.formats.novatel_counts import TYPES, CountScale
 
 _NEAR_GRAVITY = 0.1  # relative agreement with gravity of types that are proposed; their counts differ by 1.5 or more
 _LINE_BYTES = 1 << 12  # longer lines are no sentences
-_START = re.compile(rb"[$#%!]([A-Z][A-Z0-9]{2,11}),")
-_SENTENCE = re.compile(rb"[$#%!]([A-Z][A-Z0-9]{2,11}),([^*]*)\*([0-9A-Fa-f]{8}|[0-9A-Fa-f]{2})\s*")
+_START = re.compile(rb"[$#%!]([A-Z][A-Z0-9]{2,15}),")
+_SENTENCE = re.compile(rb"[$#%!]([A-Z][A-Z0-9]{2,15}),([^*]*)\*([0-9A-Fa-f]{8}|[0-9A-Fa-f]{2})\s*")
 
 
 @dataclass(frozen=True)

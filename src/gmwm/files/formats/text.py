@@ -18,11 +18,12 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.text_stamps import UNIT, is_stamp, is_time_of_day
 from gmwm.files.columns.column_names import named_unit, recognise, role_of, unit_of
-from gmwm.files.columns.known_tables import blackbox_units, known_table, names_by_file
+from gmwm.files.columns.known_tables import known_table, names_by_file, stated_scales
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
-from gmwm.files.formats.byte_sources import FileSource
+from gmwm.files.formats.byte_sources import FileSource, recoded, text_encoding
 from gmwm.files.formats.decimals import is_number
-from gmwm.files.formats.dialect import WEEK, Commas, TextDialect, detect, sensor_word, split_line
+from gmwm.files.formats.dialect import Commas, TextDialect, detect, sensor_word, split_line
+from gmwm.files.formats.line_forms import WEEK
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20
@@ -49,13 +50,13 @@ class TextReader(Reader):
     """Reader of delimited text, with or without header, comments, units and time."""
 
     name: ClassVar[str] = "text"
-    extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+    extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm", ".gcsv")
     commas: ClassVar[Commas] = ""
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.5 for text with a digit, 0.1 for other text, and 0.05 for text with zero bytes."""
-        if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return 0.5  # UTF-16, for which `layout` raises an error with advice
+        if text_encoding(head):
+            return 0.5
         if any(bytes([c]) in head for c in (*range(1, 9), *range(14, 32))):
             return 0.0
         if b"\0" in head:
@@ -68,7 +69,7 @@ class TextReader(Reader):
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in text: several if a column states the sensor of each row."""
-        layout = self.layout(source)
+        layout = self.layout(recoded(source))
         dialect: TextDialect = layout.state
         if dialect.sensors is None:
             return (layout,)
@@ -89,7 +90,9 @@ class TextReader(Reader):
         from the first row, or if only some rows are read."""
         if any(map(is_time_of_day, layout.state.first_row)) or layout.state.sensor:
             return ()
-        source, row, marks = FileSource(path), 0, []
+        source, row, marks = recoded(FileSource(path)), 0, []
+        if not source.seekable:
+            return ()
         parser = RowParser(source, layout.state, layout, ())
         for place, block in _blocks(source, layout.state):
             count = parser.count(block, place.line)
@@ -104,17 +107,17 @@ class TextReader(Reader):
 
     def layout(self, source: FileSource) -> Layout:
         """Return the layout of a file or of unpacked text."""
-        dialect = detect(_head_lines(source), source, self.commas)
+        dialect = detect(_head_lines(source), source, self.commas, getattr(source, "names", ()))
         names = dialect.names or names_by_file(source.unpacked_path, dialect.columns) or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
         program, roles = known_table(names, source.unpacked_path, dialect.above)
-        logged = blackbox_units(dialect.above) if "blackbox" in program else {}
+        logged = stated_scales(dialect.above) if program else {}
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             if k in roles and not dialect.stamps[k]:
                 role, documented = roles[k]
-                stated, scale = ("", 1.0) if named_unit(name, role) else logged.get(role[:-2], ("", 1.0))
+                stated, scale = ("", 1.0) if named_unit(name, role) else logged.get(role.partition("_")[0], ("", 1.0))
                 channels.append(Channel(name, documented or unit or stated, role, scale=scale))
             elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
@@ -147,6 +150,7 @@ class TextReader(Reader):
     ) -> Iterator[Rows]:
         """Yield the numbers in text, from the first row or from the block at `place` on."""
         dialect: TextDialect = layout.state
+        source = recoded(source)
         _require_end(source, layout)
         stamp, read = dialect.columns, list(wanted)
         if stamp in wanted and dialect.stamp_parts is not None:
@@ -236,22 +240,12 @@ def _head_lines(source: FileSource) -> list[str]:
     with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or (head[1:2] == b"\0" and 3 * head.count(b"\0") > len(head)):
-        raise ReadError(
-            f"{source} is UTF-16 text", code="not-utf8", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8)."
-        )
     if b"\0" in head:
         raise ReadError(
             f"{source} is not text: it holds zero bytes, the first at byte {head.index(0)}",
             code="not-text",
             advice="If it is text, and the logger lost its power, delete them (tr -d '\\000'). Otherwise name its "
             "format with {--format}.",
-        )
-    if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
-        raise ReadError(
-            f"{source} has bare carriage returns as line ends",
-            code="line-ends",
-            advice="Convert them to line feeds first.",
         )
     if more and b"\n" in head:
         head = head[: head.rfind(b"\n") + 1]

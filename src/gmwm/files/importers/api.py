@@ -14,7 +14,7 @@ from gmwm.files.importers.files import FORMATS, Format
 from gmwm.files.importers.values import Values
 from gmwm.theory.processes.model import Model
 
-_LARGEST = 10_000_000
+_LARGEST = 2_000_000
 """Largest file (bytes) that is searched for keys: a configuration is far smaller, a recording far larger."""
 
 

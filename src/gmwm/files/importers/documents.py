@@ -1,4 +1,5 @@
-"""Parse the files of other programs to keys and values: YAML, also with OpenCV's first line, and parameter lists."""
+"""Parse the files of other programs to keys and values: YAML, also with OpenCV's first line, MATLAB code, and parameter
+lists."""
 
 from __future__ import annotations
 
@@ -30,18 +31,13 @@ class KeyLine:
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """The entries of a file, and its text for formats with a grammar of their own."""
+    """The entries of a file."""
 
     entries: tuple[KeyLine, ...]
-    text: str
 
     def has(self, key: str) -> bool:
         """Return whether the file has a key."""
-        return (
-            any(_names(entry, key) or key in entry.above for entry in self.entries)
-            or f"'{key}'" in self.text
-            or f'"{key}"' in self.text
-        )
+        return any(_names(entry, key) or key in entry.above for entry in self.entries)
 
     def find(self, key: str) -> KeyLine | None:
         """Return the entry with a key; None if there is none. A key that occurs twice is an error."""
@@ -70,11 +66,13 @@ class ParameterFile:
         if not entries:
             owners = dict.fromkeys(entry.above[0] for entry in self.entries if entry.above)
             raise ReadError(f"the file has no part {name!r}; its parts: {', '.join(owners) or 'none'}")
-        return ParameterFile(entries, self.text)
+        return ParameterFile(entries)
 
 
 def parse(text: str, path: Path) -> ParameterFile:
-    """Parse a file. A file that is not YAML is a list of parameters, with one key and its value in each line."""
+    """Parse a file. A file that is neither MATLAB code nor YAML is a list of parameters, one key and value a line."""
+    if calls := tuple(_of_matlab(text)):
+        return ParameterFile(calls)
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
@@ -84,21 +82,25 @@ def parse(text: str, path: Path) -> ParameterFile:
     body = re.sub(r"\A%YAML:[^\n]*\n(?:---[^\n]*)?", lambda head: "\n" * head[0].count("\n"), text)  # OpenCV's head
     try:
         root = YAML(typ="safe", pure=True).compose(body)
-    except YAMLError as error:
+    except (YAMLError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         if path.suffix.lower() in (".yaml", ".yml"):
             where = f"line {mark.line + 1}: " if mark is not None else ""
-            raise ReadError(f"{where}not valid YAML: {getattr(error, 'problem', error)}") from error
+            raise ReadError(f"{where}not valid YAML: {getattr(error, 'problem', None) or error}") from error
         root = None
-    entries = tuple(_of_node(root, ())) if root is not None and root.id == "mapping" else ()
-    return ParameterFile(entries or tuple(_of_lines(text)), text)
+    entries = tuple(_of_node(root, (), set())) if root is not None and root.id == "mapping" else ()
+    return ParameterFile(entries or tuple(_of_lines(text)))
 
 
-def _of_node(node: Any, above: tuple[str, ...]) -> Iterator[KeyLine]:
-    """Yield the entries of a mapping of YAML and of the mappings in it."""
+def _of_node(node: Any, above: tuple[str, ...], visited: set[int]) -> Iterator[KeyLine]:
+    """Yield the entries of a mapping of YAML and of the mappings in it. Refuse a node that an alias repeats, because a
+    few lines of aliases can stand for more entries than a computer can hold."""
+    if id(node) in visited:
+        raise ReadError(f"line {node.start_mark.line + 1}: a YAML alias repeats this part", advice="Write it out.")
+    visited.add(id(node))
     if node.id == "sequence":
         for item in node.value:
-            yield from _of_node(item, above)
+            yield from _of_node(item, above, visited)
     if node.id != "mapping":
         return
     for key, value in node.value:
@@ -108,7 +110,7 @@ def _of_node(node: Any, above: tuple[str, ...]) -> Iterator[KeyLine]:
         elif value.id == "sequence" and all(item.id == "scalar" for item in value.value):
             yield KeyLine(name, above, key.start_mark.line + 1, tuple(str(item.value) for item in value.value))
         else:
-            yield from _of_node(value, (*above, name))
+            yield from _of_node(value, (*above, name), visited)
 
 
 def _of_lines(text: str) -> Iterator[KeyLine]:
@@ -124,6 +126,76 @@ def _of_lines(text: str) -> Iterator[KeyLine]:
             )
 
 
+_MATLAB_TOKEN = re.compile(
+    r"(?ms)^[ \t]*%\{[ \t]*$.*?(?:^[ \t]*%\}[ \t]*$|\Z)|[%#][^\n]*|\.\.\.[^\n]*|\s+|"
+    r"""(?P<text>(?<![\w\])}'])'(?:[^'\n]|'')*'|"[^"\n]*")|"""
+    r"(?P<name>[A-Za-z][\w.]*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\w*)|(?P<sign>.)"
+)
+"""Comments and blanks, which have no group, and the words of MATLAB code."""
+_SENSORS = ("gyroparams", "accelparams")
+_NOISE = {name.lower(): name for name in ("NoiseDensity", "RandomWalk", "BiasInstability", "NoiseType")}
+
+
+def _of_matlab(text: str) -> Iterator[KeyLine]:
+    """Yield the named arguments of the calls of gyroparams and accelparams in MATLAB code."""
+    if not re.search(r"\b(?:gyro|accel)params\b", text):
+        return
+    words = [
+        (match[0], text.count("\n", 0, match.start()) + 1) for match in _MATLAB_TOKEN.finditer(text) if match.lastgroup
+    ]
+    at = 0
+    while at < len(words):
+        (word, line), after = words[at], words[at + 1][0] if at + 1 < len(words) else ""
+        at += 1
+        if word in _SENSORS and after == "(":
+            arguments, at = _arguments(words, at + 1, f"line {line}: {word}")
+            yield from _named(arguments, word)
+        elif after == "=" and word.rpartition(".")[2].lower() in _NOISE:
+            raise ReadError(
+                f"line {line}: {word} is set outside gyroparams and accelparams", advice="Write it into the call."
+            )
+
+
+def _arguments(words: list[tuple[str, int]], at: int, where: str) -> tuple[list[list[tuple[str, int]]], int]:
+    """Return the words of each argument of a call whose first word is at an index, and the index behind the call."""
+    arguments: list[list[tuple[str, int]]] = [[]]
+    depth = 0
+    for k in range(at, len(words)):
+        word = words[k][0]
+        depth += (word in "([{") - (word in ")]}")
+        if depth < 0:
+            return [argument for argument in arguments if argument], k + 1
+        if word == "," and depth == 0:
+            arguments.append([])
+        else:
+            arguments[-1].append(words[k])
+    raise ReadError(f"{where} has no closing parenthesis")
+
+
+def _named(arguments: list[list[tuple[str, int]]], call: str) -> Iterator[KeyLine]:
+    """Yield the names and values of arguments: 'Name', value or Name=value."""
+    rest = iter(arguments)
+    for first in rest:
+        (name, line), *value = first
+        if value[:1] == [("=", line)]:
+            value = value[1:]
+        elif name[0] in "'\"" and not value:
+            value = next(rest, [])
+        else:
+            value = []
+        cells = [word.strip("'\"") for word, _ in value]
+        if (
+            cells[:1] == ["["]
+            and cells[-1:] == ["]"]
+            and all(re.fullmatch(NUMBER, cell) or cell == "," for cell in cells[1:-1])
+        ):
+            row = tuple(cell for cell in cells if re.fullmatch(NUMBER, cell))
+        else:
+            row = (" ".join(cells),)
+        plain = name.strip("'\"")
+        yield KeyLine(_NOISE.get(plain.lower(), plain), (call,), line, row)
+
+
 def _names(entry: KeyLine, key: str) -> bool:
     """Return whether an entry has a key, which may have dots or be below another key: IMU.NoiseGyro."""
     return entry.key == key or ("." in key and ".".join((*entry.above, entry.key)).endswith(key))
@@ -133,7 +205,7 @@ def _number(cell: str, entry: KeyLine, unit: str) -> float:
     """Return the number of a cell, which may state a unit of the same kind as `unit`."""
     text, where = cell.strip(), f"line {entry.line}: the value of {entry.key}"
     quantity = _QUANTITY.fullmatch(text)
-    if quantity is not None and unit:
+    if quantity is not None and unit and float(quantity[1]) > 0:
         try:
             return as_reference(entry.key, (float(quantity[1]), quantity[2].strip()), unit).si
         except UnitError as error:

@@ -6,13 +6,12 @@ A file is recognised by its keys. Only the values of these keys are read, so tha
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from gmwm.base.errors import ReadError
 from gmwm.base.units import SI_UNIT, Quantity, noise_unit
-from gmwm.files.importers.documents import NUMBER, ParameterFile, each_axis
+from gmwm.files.importers.documents import ParameterFile, each_axis
 from gmwm.files.importers.values import FLOOR, Values
 
 _DEGREE = math.pi / 180
@@ -99,14 +98,8 @@ def _two(keys: Mapping[Quantity, tuple[str, str]], change: Callable[[float, floa
         for sensor, pair in keys.items():
             if all(document.find(key) is None for key in pair):
                 continue
-            units = (_unit(change is _density, symbol, sensor) for symbol in "NK")
-            white, walk = (_three(document, key, unit) for key, unit in zip(pair, units, strict=True))
-            if 0 in white:
-                entry = document.find(pair[0])
-                raise ReadError(
-                    f"line {entry.line if entry else 0}: {pair[0]} is 0, but every sensor has white noise",
-                    advice="Write the number, or remove the keys of this sensor.",
-                )
+            white = _white(document, pair[0], _unit(change is _density, "N", sensor))
+            walk = _three(document, pair[1], _unit(change is _density, "K", sensor))
             for k, letter in enumerate("xyz"):
                 axes[f"{sensor}_{letter}"] = Values(N=change(white[k], rate), K=change(walk[k], rate))
         return axes
@@ -141,7 +134,7 @@ def _imu_utils(document: ParameterFile, rate: float | None) -> Found:
         for letter in "xyz":
             axis = f"{letter}-axis"
             entries = tuple(entry for entry in document.entries if axis in entry.above)
-            white, floor = (ParameterFile(entries, "").numbers(f"{short}_{symbol}") for symbol in "nw")
+            white, floor = (ParameterFile(entries).numbers(f"{short}_{symbol}") for symbol in "nw")
             if white and floor:
                 axes[f"{sensor}_{letter}"] = Values(N=_per_step(white[0], rate), B=floor[0] / FLOOR)
     if not axes:
@@ -167,36 +160,35 @@ def _three(document: ParameterFile, key: str, unit: str = "") -> list[float]:
     return each_axis(_required(document, key, unit), key)
 
 
+def _white(document: ParameterFile, key: str, unit: str = "") -> list[float]:
+    """Return the white noise of three axes, which is larger than zero."""
+    white = _three(document, key, unit)
+    if 0 in white:
+        entry = document.find(key)
+        raise ReadError(
+            f"line {entry.line if entry else 0}: {key} is 0, but every sensor has white noise",
+            advice="Write the number, or remove the keys of this sensor.",
+        )
+    return white
+
+
 def _matlab(document: ParameterFile, rate: float | None) -> Found:
     """Read MATLAB code that sets the parameters of imuSensor. With the default NoiseType, N and B are smaller than the
-    numbers in the code by the factor √2, and K is larger by this factor."""
-    code = re.sub(r"%[^\n]*", "", document.text).replace("...", "")
+    numbers in the code by the factor √2, and K is larger by this factor. K and B are 0 by default."""
     axes: Found = {}
     for sensor in _QUANTITIES:
-        body = re.search(rf"{sensor}params\((.*?)\)\s*;", code, re.DOTALL)
-        if body is None:
+        call = ParameterFile(tuple(entry for entry in document.entries if f"{sensor}params" in entry.above))
+        if not any(call.find(key) for key in ("NoiseDensity", "RandomWalk", "BiasInstability")):
             continue
-        kind = re.search(r"'NoiseType'\s*,\s*'([\w-]+)'", body[1])
-        factor = 1.0 if kind and kind[1] == "single-sided" else math.sqrt(2)
-        rows = {key: _named_row(body[1], key) for key in ("NoiseDensity", "RandomWalk", "BiasInstability")}
+        kind = call.find("NoiseType")
+        if kind is not None and kind.cells not in (("single-sided",), ("double-sided",)):
+            raise ReadError(f"line {kind.line}: NoiseType must be single-sided or double-sided")
+        factor = 1.0 if kind is not None and kind.cells == ("single-sided",) else math.sqrt(2)
+        white = _white(call, "NoiseDensity")
+        walk, flicker = (each_axis(call.numbers(key) or [0.0], key) for key in ("RandomWalk", "BiasInstability"))
         for k, letter in enumerate("xyz"):
-            axes[f"{sensor}_{letter}"] = Values(
-                N=rows["NoiseDensity"][k] / factor, K=rows["RandomWalk"][k] * factor,
-                B=rows["BiasInstability"][k] / factor,
-            )  # fmt: skip
-    if not axes:
-        raise ReadError("the file has no call of gyroparams or accelparams that ends with );")
+            axes[f"{sensor}_{letter}"] = Values(N=white[k] / factor, K=walk[k] * factor, B=flicker[k] / factor)
     return axes
-
-
-def _named_row(body: str, key: str) -> list[float]:
-    match = re.search(rf"['\"]{key}['\"]\s*,\s*(\[[^\]]*\]|[^\s,)]*)", body)
-    if match is None:  # the default of MATLAB
-        return [0.0] * 3
-    parts = [part for part in re.split(r"[\s,\[\]]+", match[1]) if part]
-    if not all(re.fullmatch(NUMBER, part) for part in parts):
-        raise ReadError(f"{key} is not one number or a row of numbers: {match[1]}")
-    return each_axis([float(part) for part in parts], key)
 
 
 def _format(

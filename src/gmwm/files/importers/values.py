@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.drift import DR
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.power import FN
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.walk import DR, RW
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""

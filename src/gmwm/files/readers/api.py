@@ -20,7 +20,7 @@ from gmwm.files.readers.streams import CHUNK_SAMPLES, FileRows, HeldRows, Stream
 from gmwm.files.readers.topics import one_layout
 from gmwm.recording.options import BadLines, Columns, Gaps, ReadOptions, as_whole_number
 from gmwm.recording.signals import Imu
-from gmwm.recording.time_ranges import between_times, kept_ranges
+from gmwm.recording.time_ranges import kept_ranges
 
 
 def read(
@@ -186,7 +186,7 @@ def read_file(path: Source, options: ReadOptions) -> Imu:
         imu = replace(recording_of(source.found, source.rows, source.path), source=source_words(path))
     warn(imu.remarks, stacklevel=3)
     if options.ranges is not None:
-        imu = between_times(imu, *source.times(options))
+        imu = imu.between(*source.times(options))
     return imu.longest() if options.gaps == "longest" else imu
 
 

@@ -29,14 +29,14 @@ from gmwm.files.clock.lost_samples import (
 )
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
-from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, timing_without_stamps
+from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps
 from gmwm.files.columns.axis_units import resolve, time_unit
 from gmwm.files.columns.columns import ColumnChoice, describe_columns
 from gmwm.files.columns.scale_factors import multiply, offset_counts
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.readers.reading_warnings import STAMPS, of_file
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import ReadOptions
-from gmwm.recording.signals import MINIMUM_SAMPLES
 
 T = TypeVar("T")
 
@@ -130,7 +130,8 @@ def understand(
     elif stamped:
         stamps = sifted.rows[choice.columns["time"]]
         time, about_time = clock([stamps])
-        unit = time_unit(layout, choice, options.units)[0] or as_stamps(stamps, "", options.rate)[0].unit
+        unit = time_unit(layout, choice, options.units)[0] or calendar_unit(stamps)
+        unit = unit or as_stamps(stamps, "", options.rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     else:
         time, about_time = clock(None)

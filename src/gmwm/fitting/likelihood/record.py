@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.text import counted
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Imu, Signal
 
 
 @dataclass(frozen=True, eq=False)

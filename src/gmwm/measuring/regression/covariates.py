@@ -204,7 +204,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     reading error. Each reading may be held for several samples. At longer scales, the reading error is white, so its
     wavelet variance decreases with the scale. The total variance decreases until the changes of the covariate dominate.
     Without noise, the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
-    curve = wavelet_variance(_beside(signal, values)).variance
+    curve = wavelet_variance(replace(signal, values=values, unit="", axis="")).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1
@@ -240,11 +240,6 @@ def _is_dithered(values: Vector) -> bool:
     turns = changes[1:][rises[1:] != rises[:-1]]
     windows = np.unique(turns * count // values.size)
     return windows.size >= 0.9 * count
-
-
-def _beside(signal: Signal, values: Vector) -> Signal:
-    """Return values as a signal with the times of another signal."""
-    return replace(signal, values=values, unit="", axis="")
 
 
 def _usual_run(values: Vector) -> float:

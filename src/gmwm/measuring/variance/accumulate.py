@@ -23,7 +23,8 @@ from gmwm.measuring.variance.robust import RobustVariances, robust_variances, un
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
-from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Signal
 
 
 class WaveletAccumulator(SegmentedAccumulator):

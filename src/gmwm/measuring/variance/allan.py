@@ -11,8 +11,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.measuring.axis_results import ResultsByAxis
 from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance, of_parts
-from gmwm.measuring.variance.edf import degrees_of_freedom
-from gmwm.measuring.variance.noise_type import exponents, noise_types
+from gmwm.measuring.variance.noise_type import degrees_of_freedom, exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Imu, Signal

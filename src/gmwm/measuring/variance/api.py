@@ -35,8 +35,9 @@ from gmwm.measuring.variance.transform import (
     pooled_counts,
     variances,
 )
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import as_confidence, one_of
-from gmwm.recording.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
 

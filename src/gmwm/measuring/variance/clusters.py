@@ -18,7 +18,8 @@ from gmwm.measuring.axis_results import ResultsByAxis, rate_words, signals_of
 from gmwm.measuring.confidence_limits import chi_square_limits
 from gmwm.measuring.variance.noise_type import NoiseType, noise_type
 from gmwm.measuring.variance.phase import Data, Phase
-from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
+from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.signals import Signal
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]

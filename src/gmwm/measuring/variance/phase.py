@@ -14,8 +14,9 @@ from gmwm.base.arrays import Vector, as_vector, require_finite
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import find_unit
 from gmwm.measuring.axis_results import rate_of_array
+from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import one_of
-from gmwm.recording.signals import MINIMUM_SAMPLES, Signal
+from gmwm.recording.signals import Signal
 
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
 """Name of a choice of cluster sizes: 1, 2, 4, 8, …; 1, 2, 4, 10, 20, 40, 100, …; or every size."""

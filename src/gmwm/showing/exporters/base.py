@@ -20,11 +20,8 @@ from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use
-from gmwm.showing.exporters.biases import stated, unknown
-from gmwm.showing.exporters.findings import remarks_of
-from gmwm.showing.exporters.heads import left_out, limits, not_measured, rule_of, verdict
-from gmwm.showing.exporters.quality import predictions
-from gmwm.showing.exporters.reduction import NAMES, Rule, SensorNoise, sensor_noise
+from gmwm.showing.exporters.quality import left_out, limits, not_measured, predictions, remarks_of, rule_of, verdict
+from gmwm.showing.exporters.reduction import NAMES, Rule, SensorNoise, sensor_noise, stated, unknown
 from gmwm.showing.exporters.text import (
     cautions,
     is_given,

@@ -11,9 +11,8 @@ from gmwm.base.text import version
 from gmwm.base.units import SI_UNIT, find_unit, noise_unit
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.showing.exporters.base import Exporter, ExportOptions, register
-from gmwm.showing.exporters.matrices import has_matrices
 from gmwm.showing.exporters.reduction import axis_noise
-from gmwm.showing.exporters.statespace import axis_matrices
+from gmwm.showing.exporters.statespace import axis_matrices, has_matrices
 from gmwm.showing.exporters.text import checksums
 
 if TYPE_CHECKING:

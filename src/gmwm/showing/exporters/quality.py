@@ -1,15 +1,22 @@
-"""How well a filter with N and K of a file predicts, and how true its stated error is."""
+"""Verdict, limits and remarks of an exported file, and how well a filter with its N and K predicts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-from gmwm.choosing.datasheets.filter_numbers import samples_in, smallest_error
-from gmwm.choosing.datasheets.misfit import curve_ratio
-from gmwm.choosing.datasheets.prediction import FilterGain, FilterPrediction
-from gmwm.showing.exporters.reduction import NAMES, AxisNoise, SensorNoise
+from gmwm.base.remarks import Quantity, Remark, Severity
+from gmwm.base.template import fact_text
+from gmwm.base.text import list_text
+from gmwm.base.units import SI_UNIT, noise_unit
+from gmwm.choosing.datasheets.effective import curve_ratio
+from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Number, Rule, SensorNoise, lines_of
+from gmwm.showing.exporters.text import is_given
 from gmwm.showing.exporters.two_states import (
     LEAST_AVERAGING_RATIO,
     LONGEST_AVERAGING_S,
@@ -17,6 +24,151 @@ from gmwm.showing.exporters.two_states import (
     cached,
     fit_states,
 )
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.showing.exporters.base import Noise
+
+_WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}
+"""Reasons why a bias is not known."""
+
+
+def verdict(calibration: Calibration) -> str:
+    """Return a sentence on whether the numbers of a file can be used, and which axes must not be used."""
+    if is_given(calibration):
+        return "Verdict: these numbers were given, and not measured by gmwm."
+    severe = [remark for remark in calibration.remarks if remark.severity <= Severity.WRONG]
+    if not severe:
+        return f"Verdict: {calibration.verdict.text()}"
+    names = {*calibration.axes, *calibration.failed}
+    axes = list(dict.fromkeys(remark.subject for remark in severe if remark.subject in names))
+    subject = list_text(axes) if axes and all(remark.subject in names for remark in severe) else "this file"
+    return f"Verdict: DO NOT USE {subject} until the cause is found. {severe[0].text()}"
+
+
+def rule_of(sensor: SensorNoise, rule: Rule) -> str:
+    """Return a sentence on the axes from which the numbers of a sensor come."""
+    axes = ", ".join(axis.axis for axis in sensor.axes)
+    name = NAMES[sensor.quantity].capitalize()
+    if len(sensor.axes) == 1:
+        return f"{name}: {axes}."
+    if rule != "worst":
+        return f"{name}: {RULES[rule]} {axes}."
+    white, walk = (_source(sensor.worst(symbol), symbol) for symbol in ("N", "K"))
+    return f"{name}: N of {white}, K of {walk}, {RULES[rule]} {axes}."
+
+
+def _source(axis: AxisNoise, symbol: str) -> str:
+    return f"{axis.axis} (upper limit)" if getattr(axis, symbol).upper else axis.axis
+
+
+def limits(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the numbers that are upper limits, and one on means that contain upper limits."""
+    limits = [remark for remark in remarks if remark.code == "upper-limit"]
+    whole = [remark for remark in limits if remark.facts["case"] == "axis"]
+    among = [remark for remark in limits if remark.facts["case"] == "mean"]
+    lines = []
+    if whole:
+        level = fact_text(whole[0].facts["level"])
+        lines.append(f"UPPER LIMIT, not a measured value ({level}): {', '.join(remark.subject for remark in whole)}.")
+    for number in dict.fromkeys(str(remark.facts["number"]) for remark in among):
+        axes = [r.subject for r in among if r.facts["number"] == number and r.facts["kind"] != "measured"]
+        lines.append(f"UPPER LIMIT among measured values: {number} contains the limit of {', '.join(axes)}.")
+    return lines
+
+
+def not_measured(remarks: Iterable[Remark]) -> list[str]:
+    """Return a sentence on the biases for which the file has 0, because they are not known."""
+    subjects: dict[str, list[str]] = {}
+    for remark in remarks:
+        subjects.setdefault(_WHY[str(remark.facts["why"])], []).append(remark.subject)
+    axes = [f"{', '.join(names)} ({reason})" for reason, names in subjects.items()]
+    return [f"NOT MEASURED: the bias of {', and of '.join(axes)}. The file has 0."] if axes else []
+
+
+def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
+    """Return sentences on the sinusoids: the strongest of each sensor, their number, and their effect on N and K."""
+    parts, count = [], 0
+    for sensor in sensors:
+        lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
+        if lines:
+            line, axis = max(lines, key=lambda pair: pair[0].amplitude)
+            parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
+            count += len(lines)
+    more = f" and {count - len(parts)} more" if count > len(parts) else ""
+    if not parts:
+        return []
+    near = "N and K contain their error if the period is 1/10 to 3 times the horizon"
+    return [f"Periodic disturbances ({near}): {', '.join(parts)}{more}."]
+
+
+_TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
+"""Power of time in the unit of each parameter, for `noise_unit`."""
+
+
+def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Yield the remarks on N and K of each sensor, at a confidence level."""
+    yield from _upper_limits(noise, confidence)
+    rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
+    if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
+        yield Remark.of("rates-differ", gyro=rates["gyro"], accel=rates["accel"])
+    for sensor in noise.sensors:
+        for axis in sensor.axes:
+            yield from of_lines(axis.axis, axis.fit)
+
+
+def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
+    """Yield a remark for each sinusoid and each slow oscillation of an axis, because the file does not include them."""
+    wv = fit.wavelet_variance
+    unit = wv.unit or "u"
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        if process.line(wv.rate) is None and process.oscillation() is not None:
+            yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
+    for line in lines_of(fit):
+        frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
+        yield Remark.of("lines", axis, case="file", term=line.term, frequency=frequency, amplitude=amplitude)
+
+
+def of_ramps(calibration: Calibration) -> Iterator[Remark]:
+    """Yield a remark for each rate ramp, because the matrices treat its slope as known without error."""
+    for axis, fit in calibration.items():
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+            if is_ramp(process, fit.wavelet_variance.rate):
+                yield Remark.of("ramp-in-matrices", axis, term=term)
+
+
+def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Yield remarks on the parameters of a file that are upper limits instead of measured values."""
+    rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
+    for sensor in noise.sensors:
+        for symbol, power in _TIME_POWER.items():
+            if symbol == "B" and not sensor.axes[0].use.flicker:
+                continue
+            axes: dict[str, Number] = {one.axis: getattr(one, symbol) for one in sensor.axes}
+            limited = [axis for axis, number in axes.items() if number.upper]
+            if rule != "mean":
+                shown = limited if rule == "each" else [a for a in limited if a == sensor.worst(symbol).axis]
+                if shown:
+                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(shown)}", case="axis", level=level)
+            elif getattr(sensor, symbol)[0].upper:
+                name = f"{symbol} of the {NAMES[sensor.quantity]}"
+                if len(limited) == len(axes):
+                    yield Remark.of("upper-limit", name, case="axis", level=level)
+                else:
+                    unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
+                    yield from _limits_among(name, axes, unit, level=level)
+
+
+def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Quantity) -> Iterator[Remark]:
+    """Yield a remark for each axis that contributes to a parameter computed from measured values and upper limits."""
+    for axis, number in axes.items():
+        # The value is zero for an axis whose model does not have this noise, for example flicker noise.
+        if number.value > 0:
+            yield Remark.of(
+                "upper-limit", axis, case="mean", number=name, level=level,
+                kind="upper limit" if number.upper else "measured", value=Quantity(number.value, unit),
+            )  # fmt: skip
+
 
 TIMES = (1.0, 10.0, 60.0)
 """Times (s) over which the predictions of the filters are compared."""

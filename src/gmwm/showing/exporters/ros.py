@@ -1,4 +1,4 @@
-"""Export for ROS: the covariances of sensor_msgs/Imu messages."""
+"""Exports for ROS: covariances of sensor_msgs/Imu messages, and the files of Autoware and DLIO."""
 
 from __future__ import annotations
 
@@ -8,9 +8,19 @@ from typing import TYPE_CHECKING
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, top
-from gmwm.showing.exporters.findings import of_lines
-from gmwm.showing.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
+from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, sensor_missing, top
+from gmwm.showing.exporters.quality import of_lines
+from gmwm.showing.exporters.reduction import (
+    RULES,
+    Number,
+    axes_of,
+    known_axes,
+    require_unit,
+    ruled,
+    stated,
+    three,
+    unknown,
+)
 from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
 from gmwm.theory.processes import registry
 from gmwm.theory.processes.base import Process
@@ -102,3 +112,99 @@ def _grows(fit: Fit, term: str, process: Process) -> bool:
     acts = registry.get(fit.diagnostics.acts_as.get(term, ""))
     infinite = process.correlation_time(fit.wavelet_variance.rate) == math.inf
     return not process.stationary or infinite or (acts is not None and not acts.stationary)
+
+
+@register
+class Autoware(Exporter):
+    """File for the node imu_corrector of Autoware with gyroscope offsets and standard deviations.
+
+    The node subtracts the offsets, and writes the squared standard deviations into the covariances of its messages.
+
+    Source: `imu_corrector_core.cpp` and `imu_corrector.param.yaml` of Autoware.
+    """
+
+    name = "autoware"
+    title = "Autoware (imu_corrector.param.yaml)"
+    extension = ".yaml"
+    default_axes = "each"
+    takes = frozenset({"axes", "inflation"})
+    both = True
+    per_axis = True
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the YAML file with the parameters of the node."""
+        gyro, accel = (axes_of(calibration, quantity) for quantity in ("gyro", "accel"))
+        if not gyro or not accel:
+            raise sensor_missing(calibration, "accel" if gyro else "gyro", self.name)
+        for axis in (*gyro, *accel):
+            require_unit(axis, calibration[axis], "gyro" if axis in gyro else "accel")
+        deviations = {axis: Number(math.sqrt(sample_variance(calibration[axis])), False) for axis in (*gyro, *accel)}
+        rotation = ruled([(axis, deviations[axis]) for axis in gyro], options.axes, options.inflation)
+        force = ruled([(axis, deviations[axis]) for axis in accel], "worst", options.inflation)[0]
+        notes = [
+            recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
+            "Units: discrete, standard deviations of one sample at the rate of the recording: rad/s, and m/s² for "
+            "acceleration_stddev, the largest of the accelerometers. angular_velocity_offset rad/s is the bias at "
+            "rest, which Autoware subtracts.",
+            f"Inflation factor: {options.inflation:g} for standard deviations, not for offsets. Horizon: none.",
+            *stated(calibration, ("gyro",)),
+            "Autoware's defaults, 0.03 rad/s and 10000 m/s², are far larger than the noise of a sensor.",
+        ]
+        lines = ["/**:", "  ros__parameters:"]
+        for letter, value in zip("xyz", three(calibration.rest, "gyro"), strict=True):
+            lines.append(f"    angular_velocity_offset_{letter}: {written(value)}  # rad/s")
+        for letter, number in zip("xyz", rotation, strict=True):
+            lines.append(f"    angular_velocity_stddev_{2 * letter}: {written(number)}  # rad/s")
+        lines.append(f"    acceleration_stddev: {written(force)}  # m/s^2")
+        return laid_out(top(self, calibration), lines, notes, "#")
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """Return cautions of the calibration, and remarks on noise that the standard deviations do not include."""
+        found = [*cautions(calibration), *unknown(calibration, ("gyro",))]
+        for axis, fit in calibration.items():
+            if terms := terms_without_variance(fit):
+                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
+            found += of_lines(axis, fit)
+        return tuple(found)
+
+
+@register
+class Dlio(Exporter):
+    """File for DLIO with the biases at rest.
+
+    DLIO has no noise parameters. It subtracts the biases: corrected = sm · raw − bias, with sm the scale matrix.
+
+    Source: `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry.
+    """
+
+    name = "dlio"
+    title = "DLIO (dlio.yaml)"
+    extension = ".yaml"
+
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
+        """Return the YAML file with the intrinsic parameters of the IMU."""
+        if not known_axes(calibration.rest, "gyro"):
+            raise DataError(
+                "dlio needs the biases of the gyroscopes, but this calibration has none",
+                advice="Calibrate a recording with gyroscopes, and not a wavelet variance.",
+            )
+        notes = [
+            recording(calibration),
+            *paragraphs(self.remarks(calibration, options)),
+            "Units: biases at rest, accelerometers m/s², gyroscopes rad/s, in the order x, y, z. DLIO has no "
+            "parameters for N and K. Inflation factor: none. Horizon: none.",
+            *stated(calibration, ("gyro", "accel")),
+            "With calibration: false, DLIO starts with these biases. With true, it estimates them in its first seconds "
+            "and ignores them. Keep sm of your file if you have calibrated scale factors.",
+        ]
+        lines = ["dlio:", "  imu:", "    calibration: false", "    intrinsics:"]
+        for key, quantity, extra in (("accel", "accel", True), ("gyro", "gyro", False)):
+            values = three(calibration.rest, "accel" if quantity == "accel" else "gyro")
+            lines += [f"      {key}:", f"        bias: [{', '.join(map(written, values))}]"]
+            lines += ["        sm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]"] if extra else []
+        return laid_out(top(self, calibration), lines, notes, "#")
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """Return cautions of the calibration, and remarks on axes whose bias is not known."""
+        return (*cautions(calibration), *unknown(calibration, ("gyro", "accel")))

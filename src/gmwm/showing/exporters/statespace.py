@@ -1,27 +1,45 @@
-"""Export of the state-space matrices of the full model for NumPy, MATLAB, C++ and other programs."""
+"""Export of the state-space matrices of the full model, and of N and K, for NumPy, MATLAB, C++ and other programs."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Remark
 from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
-from gmwm.showing.exporters.findings import of_ramps
-from gmwm.showing.exporters.matrices import rows
-from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording
+from gmwm.showing.exporters.base import Exporter, ExportOptions, Noise, TwoNumbers, register, top
+from gmwm.showing.exporters.quality import of_ramps
+from gmwm.showing.exporters.reduction import Number
+from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording, written
 from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
+
+
+def has_matrices(model: Model, rate: float) -> bool:
+    """Return whether every term of a model has a state-space form."""
+    try:
+        model.state_space(rate)
+    except MissingTheoryError:
+        return False
+    return True
+
+
+def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:
+    """Return a matrix as a list of rows, with full precision."""
+    return np.asarray(matrix, dtype=np.float64).tolist()  # type: ignore[no-any-return]
+
 
 _MEANING = (
     "Discrete, in steps of one sample at the rate of the axis: x[t+1] = F x[t] + w, Var w = Q; y[t] = H x[t] + v, Var "
@@ -285,3 +303,79 @@ def _matrices(model: Model, fit: Fit, rate: float | None) -> dict[str, Any]:
         "m0": space.m0.tolist(), "P0": rows(space.P0), "diffuse": space.diffuse.tolist(), "A": rows(smooth.A),
         "Qc": rows(smooth.Qc), "H_c": rows(smooth.H), "Rc": rows(smooth.Rc), "left_out": list(smooth.left_out),
     }  # fmt: skip
+
+
+_FLICKER = "BiasInstability"
+_LASTING = 100.0
+"""Time lag (s) up to which the filter of imuSensor produces flicker noise in an exported file. The head states it."""
+
+
+@register
+class Matlab(TwoNumbers):
+    """File for MATLAB's simulator imuSensor with N, K and flicker noise of each axis.
+
+    f is the sampling rate. With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a
+    step of the random walk has RandomWalk/√f, which agrees with the definitions of N and K. With the default
+    "double-sided", MATLAB uses f/2 instead of f.
+
+    BiasInstability is the coefficient B of white noise that drives a filter. The output of the filter is flicker noise
+    with the spectral density B²/(2π|f|) at time lags up to as many samples as the filter has poles. At longer lags, it
+    is white noise. The default filter has one pole.
+
+    Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code.
+    """
+
+    name = "matlab"
+    title = "MATLAB (imuSensor with gyroparams and accelparams)"
+    extension = ".m"
+    comment = "%"
+    default_axes = "each"
+    both = False
+    per_axis = True
+    flicker = _FLICKER
+    meaning = (
+        "Units: continuous-time densities, one-sigma. NoiseDensity (rad/s)/√Hz and (m/s²)/√Hz; RandomWalk is the rate "
+        "and acceleration random walk K in (rad/s)/√s and (m/s²)/√s, which MATLAB writes as (rad/s)√Hz and (m/s²)√Hz.",
+        "NoiseType is single-sided, so that a sample has the standard deviation N √f. With MATLAB's default, "
+        "double-sided, it is smaller by √2, and the random walk is larger by √2.",
+    )
+
+    def advice(self, noise: Noise) -> tuple[str, ...]:
+        """Return sentences on BiasInstability."""
+        if not _has_flicker(noise):
+            return ("BiasInstability stays 0: it is another process in addition to N and K, which describe all noise.",)
+        return (
+            "BiasInstability is the coefficient B of the flicker noise in rad/s and m/s². N and K do not include it. "
+            f"Its filter produces flicker noise up to a time lag of as many samples as it has poles, here {_LASTING:g} "
+            "s: increase poles for longer simulations. fractalcoef needs R2023b or later.",
+        )
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Return MATLAB code with one call for each sensor."""
+        lines = [f"poles = {math.ceil(_LASTING * noise.rate)};"] if _has_flicker(noise) else []
+        for sensor, maker in ((noise.gyro, "gyro"), (noise.accel, "accel")):
+            if sensor is not None:
+                lines += [
+                    f"{maker} = {maker}params( ...", f"    'NoiseDensity', {_row(sensor.N)}, ...",
+                    f"    'RandomWalk', {_row(sensor.K)}, ...",
+                ]  # fmt: skip
+                if _has_flicker(noise):
+                    lines += [
+                        f"    '{_FLICKER}', {_row(sensor.B)}, ...",
+                        f"    '{_FLICKER}Coefficients', fractalcoef(poles, 1), ...",
+                    ]
+                lines.append("    'NoiseType', 'single-sided');")
+        if len(noise.sensors) == 2:
+            lines.append(
+                f"imu = imuSensor('accel-gyro', 'SampleRate', {noise.written_rate}, "
+                "'Gyroscope', gyro, 'Accelerometer', accel);"
+            )
+        return lines
+
+
+def _has_flicker(noise: Noise) -> bool:
+    return any(number.value > 0 for sensor in noise.sensors for number in sensor.B)
+
+
+def _row(numbers: Sequence[Number]) -> str:
+    return f"[{' '.join(written(number) for number in numbers)}]"

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 
 from gmwm.showing.exporters.base import QUANTITIES, Noise, TwoNumbers, register
-from gmwm.showing.exporters.biases import prior, three
-from gmwm.showing.exporters.reduction import Number
+from gmwm.showing.exporters.reduction import Number, prior, three
 from gmwm.showing.exporters.text import limit_mark, written
 
 _KALIBR = (

@@ -16,7 +16,6 @@ from gmwm.base.plotting import plot, register
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
-    from gmwm.showing.plots.coefficients import plot_coefficients
     from gmwm.showing.plots.curves import plot_wavelet_variance
     from gmwm.showing.plots.fit import plot_fit
     from gmwm.showing.plots.imu import plot_imu
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.plan import plot_plan
     from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
     from gmwm.showing.plots.residuals import plot_autocorrelation, plot_residuals
-    from gmwm.showing.plots.series import plot_components, plot_recording, plot_signal
+    from gmwm.showing.plots.series import plot_coefficients, plot_components, plot_recording, plot_signal
     from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
     from gmwm.showing.plots.tracks import plot_tracks
 
@@ -57,7 +56,7 @@ _RESULTS = {
     "theory.simulation.components.SimulatedSignal": "series.plot_components",
 }  # fmt: skip
 """Functions of this package by the result that they draw."""
-_OTHERS = ("allan.plot_allan_axes", "residuals.plot_autocorrelation", "coefficients.plot_coefficients",
+_OTHERS = ("allan.plot_allan_axes", "residuals.plot_autocorrelation", "series.plot_coefficients",
            "overlay.compare", "overlay.plot_comparison")  # fmt: skip
 """Functions that draw several results, or with other arguments than `result.plot()`."""
 _MODULES = {name: module for module, _, name in (place.partition(".") for place in (*_RESULTS.values(), *_OTHERS))}

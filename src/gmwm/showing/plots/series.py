@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.errors import OptionError
+from gmwm.base.text import duration_text
 from gmwm.base.units import Quantity, find_unit
+from gmwm.measuring.outliers import find_spikes
+from gmwm.measuring.variance.transform import Dwt, Modwt
+from gmwm.recording.batches import batches
+from gmwm.recording.repairs.plan import plans_of
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.axes import number_text, quiet
 from gmwm.showing.plots.curves import FRONT
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol
-from gmwm.showing.plots.findings import STROKES, Samples, samples_of_findings
 from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
-from gmwm.showing.plots.trace import Outline, lone_dots, offset_of, trace
+from gmwm.showing.plots.trace import Outline, even_trace, lone_dots, offset_of, trace
 from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
@@ -29,6 +35,71 @@ if TYPE_CHECKING:
 
     from gmwm.measuring.inspection import Inspection
     from gmwm.theory.simulation.components import SimulatedSignal
+
+Samples = Mapping[str, NDArray[np.int64]]
+"""Numbers of the samples of each finding of one axis."""
+
+SYMBOLS: dict[str, tuple[str, Symbol]] = {
+    "Clipped": ("#b2182b", "triangle"), "Wrong sample": ("#d95f02", "cross"), "Knock": ("#e6ab02", "diamond"),
+    "Jump": ("#1b1f24", "square"), "Repeated": ("#6a3d9a", "circle"), "Frozen": ("#1f78b4", "square"),
+    "Interpolated": ("#33a02c", "diamond"), "Wrapped": ("#a6761d", "down"), "Rarer level": ("#e7298a", "circle"),
+}  # fmt: skip
+STROKES = {label: Stroke(colour, 0.0, symbol=symbol) for label, (colour, symbol) in SYMBOLS.items()}
+"""Symbols of the findings."""
+_MOST, _AVERAGED = 300, 16
+"""Largest number of symbols of one finding, and number of samples whose mean is at one of two levels."""
+
+
+def samples_of_findings(imu: Imu, inspection: Inspection) -> dict[str, Samples]:
+    """Return the samples of each finding by axis, evenly thinned."""
+    findings: dict[str, dict[str, NDArray[np.int64]]] = {axis: {} for axis in imu}
+    clipped = {str(remark.subject) for remark in inspection.remarks if remark.code == "output-clipped"}
+    for axis, signal in imu.signals.items():
+        values = signal.values
+        if axis in clipped:
+            findings[axis]["Clipped"] = np.flatnonzero((values == values.max()) | (values == values.min()))
+        findings[axis]["Wrong sample"] = find_spikes(signal).indices
+        times = [step.time for step in inspection.steps if step.axis == axis]
+        findings[axis]["Jump"] = _nearest(imu, axis, times)
+        # A knock of one sample is a wrong sample.
+        knocks = [
+            knock.time + 0.5 * knock.duration
+            for knock in inspection.knocks
+            if axis in knock.axes and knock.duration > 0
+        ]
+        findings[axis]["Knock"] = _nearest(imu, axis, knocks)
+    base = imu.time_base
+    begins = np.array([first for first, _ in imu[next(iter(imu))].segments])
+    for plan in plans_of(next(batches(imu)), 0.0 if base is None else base.duplicates / max(len(imu), 1)):
+        masks = plan.left_out({axis: imu[axis].values for axis in plan.axes}, begins)
+        for axis in plan.axes:
+            values = imu[axis].values
+            for name, mask in masks.items():
+                findings[axis][name.capitalize()] = np.flatnonzero(mask)
+            if axis in plan.wraps:
+                findings[axis]["Wrapped"] = np.flatnonzero(plan.unwrapped(axis, values) != values)
+            if axis in plan.levels:
+                means = np.convolve(values - np.median(values), np.full(_AVERAGED, 1 / _AVERAGED), "same")
+                findings[axis]["Rarer level"] = np.flatnonzero(np.abs(means) > 0.5 * plan.levels[axis].size)
+    return {
+        axis: {label: _thinned(samples) for label, samples in of_axis.items() if samples.size}
+        for axis, of_axis in findings.items()
+    }
+
+
+def _thinned(samples: NDArray[np.int64]) -> NDArray[np.int64]:
+    return samples[np.unique(np.linspace(0, samples.size - 1, min(samples.size, _MOST)).astype(np.int64))]
+
+
+def _nearest(imu: Imu, axis: str, times: list[float]) -> NDArray[np.int64]:
+    """Return the samples nearest to times (s) since the first sample of the file."""
+    signal = imu[axis]
+    if not times:
+        return np.empty(0, dtype=np.int64)
+    beginning = imu.time_base.left if imu.time_base else 0.0
+    since = signal.times(np.arange(len(signal))) - signal.times(np.array([0]))[0] + beginning
+    return np.clip(np.searchsorted(since, times), 0, len(signal) - 1)
+
 
 DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
@@ -248,3 +319,68 @@ def plot_components(
     would be flat.
     """
     return components_figure(simulated, units=units)
+
+
+def coefficients_figure(
+    transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None
+) -> Figure:
+    """Return the figure that `plot_coefficients` draws."""
+    rate = as_rate(rate)
+    shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
+    chosen = shown if levels is None else sorted(set(levels))
+    if not chosen or not set(chosen) <= set(shown):
+        raise OptionError(argument="levels", expected=f"some of {shown[0]} to {shown[-1]}", got=levels)
+    rows = [(_panel(transform, level, rate, unit),) for level in chosen]
+    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
+
+
+def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
+    """Return the panel of one level, with each coefficient at the middle of the samples on which it depends."""
+    inside = transform.interior[level]
+    step = 1 if isinstance(transform, Modwt) else 1 << level
+    values = even_trace(np.asarray(transform.details[level][inside]), rate / step, 1.0, round(DOTS_OF_MM * PAGE))
+    last = step * (inside.start + 1) - 1
+    seconds = values.seconds + (last - (transform.filter.width(level) - 1) / 2) / rate
+    duration = transform.samples / rate
+    x, size = elapsed_axis(0.0, duration, duration, at_most=8)
+    y, scale = scaled_axis(
+        values.low, values.high, max(abs(values.low), abs(values.high)), name="Coefficient", unit=unit
+    )
+    stroke = Stroke(BLUE, LINE_WIDTH_PT, symbol="circle" if values.y.size < 200 else None)
+    line = Polyline(seconds / size, values.y / scale, stroke=stroke, layer=FRONT)
+    return Panel(x, y, (line,), f"Level {level}, scale {duration_text((1 << level) / rate)}")
+
+
+@drawing
+def plot_coefficients(
+    transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
+    """Draw wavelet coefficients over time, with a panel for each level, without those affected by the boundaries.
+
+    Parameters
+    ----------
+    transform : Modwt or Dwt
+        Result of `gmwm.variance.modwt` or `gmwm.variance.dwt`.
+    rate : float
+        Sampling rate of the signal (Hz).
+    unit : str
+        Unit of the signal, for the labels.
+    levels : sequence of int, optional
+        Levels to draw. Default: all levels with coefficients that the boundaries do not affect.
+
+    Raises
+    ------
+    OptionError
+        If a level has no such coefficients, or the rate is not a positive number.
+
+    Examples
+    --------
+    >>> from gmwm.simulation import example_recording
+    >>> from gmwm.variance import modwt
+    >>> signal = example_recording()["gyro_y"]
+    >>> figure = plot_coefficients(modwt(signal, levels=8), signal.rate, unit=signal.unit, levels=[1, 4, 8])
+    >>> len(figure.axes)
+    3
+    """
+    return coefficients_figure(transform, rate, unit=unit, levels=levels)

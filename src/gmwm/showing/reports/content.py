@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.errors import OptionError
+from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import version
+from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
-from gmwm.calibration.first_screen import model_words
-from gmwm.calibration.summary_text import rows_of
+from gmwm.calibration.summary_text import model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
 from gmwm.measuring.regression.against import WARM_UP
+from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.reports.citation import citation
-from gmwm.showing.reports.configurations import configurations
+from gmwm.showing.plots.view import DATASHEET_UNIT
 from gmwm.showing.reports.figures import (
     axis_pictures,
     recordings_pictures,
@@ -32,7 +32,6 @@ from gmwm.showing.reports.figures import (
 from gmwm.showing.reports.filter_tables import filter_tables
 from gmwm.showing.reports.recording_facts import Facts, recording_facts, title_of
 from gmwm.showing.reports.sections import sections
-from gmwm.showing.reports.spectrum_tables import spectrum_tables
 from gmwm.showing.reports.verdict import notes, verdict
 
 if TYPE_CHECKING:
@@ -40,6 +39,97 @@ if TYPE_CHECKING:
     from gmwm.choosing.selection import Ranking
     from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.regression import Regression
+    from gmwm.measuring.spectrum import PowerSpectrum
+
+Rows = list[list[str]]
+"""Rows of a table below a row of headings; empty if there is nothing to show."""
+
+
+def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
+    """Return the tables "lines" and "bumps" of a spectrum. Amplitudes are in datasheet units if the signal has such."""
+    if spectrum is None:
+        return {"lines": [], "bumps": []}
+    unit, factor = _amplitude_unit(spectrum.unit)
+    lines = [
+        [
+            f"{line.frequency:.5g}", f"{significant(line.frequency_error, 1)}", significant(factor * line.amplitude, 3),
+            significant(factor * line.amplitude_error, 1),
+            "below the resolution" if line.narrow else significant(line.width, 2), significant(line.height, 3),
+            "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
+        ]
+        for line in spectrum.lines
+    ]  # fmt: skip
+    bumps = [
+        [f"{bump.frequency:.4g}", significant(bump.width, 2), significant(bump.quality, 2), significant(bump.height, 3)]
+        for bump in spectrum.bumps
+    ]
+    heads = ["Frequency (Hz)", "Standard error (Hz)", f"Amplitude{unit}", "Standard error", "Width (Hz)"]
+    return {
+        "lines": [[*heads, "Height above the level", "Harmonic"], *lines] if lines else [],
+        "bumps": [["Frequency (Hz)", "Width (Hz)", "Q", "Height above the level"], *bumps] if bumps else [],
+    }
+
+
+def _amplitude_unit(unit: str) -> tuple[str, float]:
+    """Return the unit of amplitudes in parentheses, and the conversion factor to it from the unit of the signal."""
+    definition = find_unit(unit)
+    if definition is None:
+        return f" ({unit})" if unit else "", 1.0
+    shown = parse_unit(DATASHEET_UNIT[definition.quantity], definition.quantity)
+    return f" ({shown.name})", definition.factor / shown.factor
+
+
+METHOD = (
+    "J. Balamuta, S. Guerrier, R. Molinari and W. Yang, A Computationally Efficient Framework for Automatic Inertial "
+    "Sensor Calibration, IEEE Sensors Journal, 2018 (preprint arXiv:1603.05297)."
+)
+"""The paper that describes the method."""
+
+_BIBTEX = """@software{{gmwm,
+  title = {{gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet Moments}},
+  author = {{{{the gmwm developers}}}},
+  version = {{{version}}},
+  license = {{BSD-3-Clause}}
+}}
+
+@article{{balamuta2018,
+  title = {{A Computationally Efficient Framework for Automatic Inertial Sensor Calibration}},
+  author = {{Balamuta, James and Guerrier, Stéphane and Molinari, Roberto and Yang, Wenchao}},
+  journal = {{IEEE Sensors Journal}},
+  year = {{2018}},
+  note = {{arXiv:1603.05297}}
+}}"""
+
+
+def citation() -> dict[str, str]:
+    """Return the citations of the software and of the method as text, and both as BibTeX."""
+    software = (
+        f"The gmwm developers, gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet "
+        f"Moments, version {version()}."
+    )
+    return {"software": software, "method": METHOD, "bibtex": _BIBTEX.format(version=version())}
+
+
+FIRST = "kalibr"
+"""The format that is shown first."""
+LONGEST_FILE = 40_000
+"""Largest number of characters of a file in a report; tests/reports/test_report_page.py limits the size of a report."""
+
+
+def configurations(calibration: Calibration) -> tuple[list[dict[str, str]], list[str]]:
+    """Return `name`, `title` and `text` of each file, and for each format that cannot be written the reason."""
+    written, refused = [], []
+    for name, title in sorted(export_formats().items(), key=lambda item: item[0] != FIRST):
+        try:
+            text = export(calibration, format=name)
+        except GmwmError as error:
+            refused.append(f"{title}: {error}")
+            continue
+        if len(text) > LONGEST_FILE:
+            refused.append(f"{title}: too long for the report. Write it with `gmwm export --format {name}`.")
+            continue
+        written.append({"name": name, "title": title[:1].upper() + title[1:], "text": text})
+    return written, refused
 
 
 def report_data(calibration: Calibration) -> dict[str, Any]:

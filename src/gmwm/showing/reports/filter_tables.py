@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import list_text
-from gmwm.calibration.first_screen import main_symbols, model_words, number_text
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.summary_text import main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS
 from gmwm.showing.plots.labels import axis_title
 

@@ -24,7 +24,7 @@ from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes import circulant_embedding, filtered
-from gmwm.theory.processes.haar_theory import HaarTheory
+from gmwm.theory.processes.haar_covariance import HaarTheory
 from gmwm.theory.processes.parameter import Branch, Fixed, Occasion, Parameter, Physical, Value
 from gmwm.theory.processes.validation import (
     as_clusters,

@@ -23,12 +23,12 @@ from gmwm.base.errors import ModelError
 from gmwm.base.remarks import Remark
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import rational
-from gmwm.theory.processes.band_limit import DIFFERENCE_STEP, WHITE_TIME_S, Density, band_numbers
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
+from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
 from gmwm.theory.processes.ordered import Ordered, Polynomial
 from gmwm.theory.processes.parameter import Parameter, Physical
-from gmwm.theory.processes.short_memory import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
+from gmwm.theory.processes.rational import DIFFERENCE_STEP, WHITE_TIME_S, Density, band_numbers
 from gmwm.theory.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 

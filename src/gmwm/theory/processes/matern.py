@@ -9,21 +9,59 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate, freeze
 from gmwm.base.errors import MissingTheoryError
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
-from gmwm.theory.processes import circulant_embedding, smooth_autocovariance
+from gmwm.theory.processes import circulant_embedding, haar_covariance, smooth_autocovariance
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.bessel import LARGEST_SMOOTHNESS, matern
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import SMOOTHEST
 from gmwm.theory.processes.ladder import matern as ladder
 from gmwm.theory.processes.parameter import Parameter, Value
-from gmwm.theory.processes.short_memory import LONGEST_LAGS, NEGLIGIBLE_CORRELATION, ShortMemory, trim
+from gmwm.theory.processes.smooth_autocovariance import LARGEST_SMOOTHNESS, matern
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
+
+LONGEST_LAGS = 2048
+"""Largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks."""
+NEGLIGIBLE_CORRELATION = 1e-11
+"""Relative size of ρ(m) that is left out; the error of the covariance is then below 1e-10."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShortMemory:
+    """Autocovariance for scale coefficient 1: a table r(0), …, r(L), and exponentials Σ a e^(−λ|k|), or (−1)^k
+    e^(−|λ|k) for λ < 0."""
+
+    autocovariance: Vector
+    amplitudes: tuple[float, ...] = ()
+    decays: tuple[float, ...] = ()
+
+    @property
+    def lags(self) -> int:
+        """Largest lag L."""
+        return self.autocovariance.size - 1
+
+    def coefficient_covariance(self, at: LagGrid) -> Vector:
+        """Compute the covariances (n,) of Haar wavelet coefficients; see `Process.coefficient_covariance`."""
+        total = haar_covariance.short_memory(at, self.autocovariance)
+        for amplitude, decay in zip(self.amplitudes, self.decays, strict=True):
+            shape = haar_covariance.exponential if decay > 0 else haar_covariance.alternating
+            total += amplitude * shape(at, abs(decay))
+        return total
+
+
+def trim(autocovariance: Vector) -> Vector | None:
+    """Truncate an autocovariance, given at enough lags, where it becomes negligible; None if this lag is too large."""
+    tails = np.cumsum(np.cumsum(autocovariance[:0:-1]))[::-1]
+    least = NEGLIGIBLE_CORRELATION * max(abs(float(autocovariance[0])), float(np.abs(tails).max(initial=0.0)))
+    # tails[m] is −ρ(m), and r(m + 1) is a part of it.
+    felt = (np.abs(tails) > least) | (np.abs(autocovariance[1:]) > least)
+    lags = int(np.flatnonzero(felt)[-1]) + 1 if felt.any() else 0
+    return freeze(autocovariance[: lags + 1].copy()) if lags <= LONGEST_LAGS else None
+
 
 _SHORT = 512
 """Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""

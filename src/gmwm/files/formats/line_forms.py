@@ -1,0 +1,158 @@
+"""Rewrite lines for readers as rows of cells: numbers with labels or units, and dates and times in other forms.
+
+The lines in the middle of the first 64 kB show the forms. Each form is a list of replacements, which are made in all
+lines of the file. A date whose day and month may be confused is removed, so that the time of day remains.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from gmwm.files.columns.column_names import is_unit
+
+Replacement = tuple[bytes, bytes]
+"""Pattern and text that replaces it."""
+
+_SAMPLE = 50  # number of lines that show the forms
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
+_LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
+_UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
+_VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?=\s?{_UNIT}))(?:\s?({_UNIT})(?=[\s,;|]|$))?"
+_ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
+_WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
+WEEK = (_WEEK_SECONDS.encode(), b"")
+"""Replacement that removes the week from time stamps such as 2190:345600.005."""
+
+_MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
+_DATES = (
+    rf"(?<![\d./-])\d\d?([-/. ])(?:\d\d?|{_MONTH})\1\d{{2,4}}[ T_-]+(?=\d\d?:\d\d)",
+    rf"(?:(?:Mon|Tue|Wed|Thu|Fri|Sat|Sun)[a-z]*,? )?{_MONTH} +\d\d?(?:,? \d{{4}})?,? +(?=\d\d?:\d\d)",
+    r"(?<=\d) \d{4}(?=[\"',;\t|]|$)",
+)
+_HALF = r"[ ]?[AaPp]\.?[Mm]\b\.?"
+_TIMES: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+    *((date, ((date, ""),)) for date in _DATES[:1]),
+    (_DATES[1], ((_DATES[1], ""), (_DATES[2], ""))),
+    (
+        rf"\d:\d\d(?:[.,]\d+)?{_HALF}",
+        (
+            *((rf"\b0?{h}(:\d\d:\d\d(?:[.,]\d+)?)[ ]?[Pp]\.?[Mm]\b\.?", rf"{h + 12}\1") for h in range(1, 12)),
+            (r"\b12(:\d\d:\d\d(?:[.,]\d+)?)[ ]?[Aa]\.?[Mm]\b\.?", r"00\1"),
+            (rf"(?<=\d){_HALF}", ""),
+        ),
+    ),
+    *(
+        (pattern, ((pattern, text),))
+        for pattern, text in (
+            (r"(\d\d:\d\d:\d\d):(\d{3}|\d{6})(?![\d:])", r"\1.\2"),
+            (r"(\d{4}-\d\d-\d\d)[_ T](\d\d)[-.](\d\d)[-.](\d\d)[-._](\d{3,9})(?!\d)", r"\1T\2:\3:\4.\5"),
+        )
+    ),
+)
+"""Patterns of time stamps that other modules do not read, and replacements for them."""
+
+
+@dataclass(frozen=True)
+class LineForms:
+    """Replacements in each line, and the names and units of the columns if each number has a label or a unit."""
+
+    replacements: tuple[Replacement, ...] = ()
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    def rewritten(self, line: str) -> str:
+        """Return a line with all replacements."""
+        for pattern, text in self.replacements:
+            line = re.sub(pattern.decode(), text.decode(), line)
+        return line
+
+
+def plain_header(lines: Sequence[str]) -> list[str]:
+    """Return the lines with the header of a LabVIEW measurement file as an interval, a row of units and one of names.
+    Other lines stay. Source: National Instruments, "Specification for the LabVIEW Measurement File (.lvm)".
+
+    >>> plain_header(["LabVIEW Measurement", "Delta_X\\t0,01\\t0,01", "X_Value\\tgx\\tComment", "0\\t0,5"])
+    ['', 'dt,0.01', 'time\\tgx', '0\\t0,5']
+    """
+    if not lines[0].startswith("LabVIEW Measurement"):
+        return list(lines)
+    end = next((k for k, line in enumerate(lines) if line.startswith("X_Value")), 0)
+    timed = "time" if re.search(r"(?m)^X_Columns\tNo\b", "\n".join(lines[:end])) is None else "X_Value"
+    header = []
+    for key, *cells in (line.split("\t") for line in lines[: end + 1]):
+        names = [timed, *(cell for cell in cells if cell != "Comment")]
+        interval = "".join(cells[:1]).replace(",", ".")
+        rows = {"Y_Unit_Label": ["s", *cells], "Delta_X": [f"dt,{interval}"], "X_Value": names}
+        header.append("\t".join(rows.get(key, [])))
+    return [*header, *lines[end + 1 :]]
+
+
+def line_forms(lines: Sequence[str]) -> LineForms:
+    """Recognise the forms of the lines of a file.
+
+    >>> line_forms(["ax: 0.1 g, gx: 2 dps"] * 4).names
+    ('ax [g]', 'gx [dps]')
+    >>> line_forms(["Gyr: 1 2 3 Acc: 4 5 6"] * 4).names[:4]
+    ('Gyr_x', 'Gyr_y', 'Gyr_z', 'Acc_x')
+    """
+    sample = lines[len(lines) // 2 :][:_SAMPLE]
+    replacements = list(_times(sample))
+    half = len(sample) / 2
+    arrows = sum(_ARROW.match(line) is not None for line in sample) > half
+    if arrows:
+        text = sample[-1].partition(" -> ")[2]
+        sign = next((mark for mark in ",;\t" if mark in text), " ")
+        replacements.append((rb" -> ", sign.encode()))
+    weeks = [re.search(rf"{_WEEK_SECONDS}(\d+)", line) for line in sample]
+    if sample and all(weeks) and any(int(match[1]) >= 60 for match in weeks if match):  # minutes have 60 seconds
+        replacements.append(WEEK)
+    readings = Counter(_labelled(line.partition(" -> ")[2] if arrows else line) for line in sample)
+    names, units = max(readings, key=lambda reading: readings[reading], default=((), ()))
+    if len(names) + len(units) < 2 or readings[names, units] <= half:
+        return LineForms(tuple(replacements))
+    spelt = "|".join(re.escape(unit) for unit in sorted({*units, *re.findall(r"\[(.*?)\]", " ".join(names))} - {""}))
+    if spelt:
+        replacements.append((rf"(?<=[\d.])\s?(?:{spelt})(?=[\s,;|]|$)".encode(), b""))
+    if names:
+        replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
+        names = (*["time"] * arrows, *names)
+        if any(name.endswith("_x") for name in names):
+            replacements.append((rb"[,;]", b" "))
+    return LineForms(tuple(replacements), names, units)
+
+
+def _times(sample: Sequence[str]) -> Iterator[Replacement]:
+    """Yield the replacements for time stamps in a form that most lines have. Blanks must not separate the columns."""
+    for pattern, replacements in _TIMES:
+        if 2 * sum(
+            re.search(pattern, line) is not None and re.search(r"[,;\t|]|->", line) is not None for line in sample
+        ) > len(sample):
+            yield from ((f"(?m){old}".encode(), new.encode()) for old, new in replacements)
+
+
+def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the numbers in a line from their labels; without labels, the units behind the numbers. Both
+    are empty for other lines."""
+    head, *pieces = re.split(f"({_LABEL})", line.strip())
+    head = re.sub(r"^[A-Z]?\s*[\[(]?(\d+(?:\.\d+)?)[\])]?", r"\1", head.strip())
+    names: list[str] = []
+    if pieces and head and not re.fullmatch(_NUMBER, head):
+        return (), ()
+    for label, body in zip(["time", *pieces[::2]], [head, *pieces[1::2]], strict=True):
+        values = re.findall(_VALUE, body)
+        if re.sub(r"[\s,;|()\[\]{}]", "", re.sub(_VALUE, "", body)) or not all(
+            is_unit(unit) for _, unit in values if unit
+        ):
+            return (), ()
+        units = [unit for _, unit in values]
+        if not pieces:
+            return (), (tuple(units) if any(units) else ())
+        stem = label.rstrip(" \t:=")
+        triple = [f"{stem}_{letter}" for letter in "xyz"] if len(values) == 3 else [stem]
+        if len(values) not in (0, 1, 3):
+            return (), ()
+        names += [f"{name} [{unit}]" if unit else name for name, unit in zip(triple, units, strict=False)]
+    return tuple(names), ()
