@@ -18,8 +18,8 @@ from typing import Any
 
 import jsonschema
 
-from gmwm.base.schema import REMARK
-from gmwm.cli import schemas
+from gmwm.base.documents import REMARK
+from gmwm.cli.manual import SCHEMAS, schema
 
 FOLDER = os.environ.get("GMWM_JSON_OUTPUTS")
 NAMES = re.compile(r"[a-z_][a-z0-9_]*")
@@ -55,7 +55,7 @@ def check(command: str, printed: str) -> None:
 
 @cache
 def _validator(name: str) -> jsonschema.Draft202012Validator:
-    return jsonschema.Draft202012Validator(schemas.schema(name))
+    return jsonschema.Draft202012Validator(schema(name))
 
 
 @dataclass
@@ -132,7 +132,7 @@ def main(folder: Path) -> None:
         for line in path.read_text(encoding="utf-8").splitlines():
             shape.add(json.loads(line))
         out[path.stem] = shape.schema()
-    schemas.FILE.write_text(json.dumps(out, separators=(",", ":")) + "\n", encoding="utf-8")
+    SCHEMAS.write_text(json.dumps(out, separators=(",", ":")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

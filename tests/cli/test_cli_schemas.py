@@ -5,9 +5,10 @@ import json
 
 import jsonschema
 import pytest
-
 from gmwm.cli.commands import NAMES
-from gmwm.cli.schemas import FILE, schema
+
+from gmwm.cli.manual import SCHEMAS as FILE
+from gmwm.cli.manual import schema
 from tests.json_outputs import Shape
 
 SCHEMAS = json.loads(FILE.read_text(encoding="utf-8"))

@@ -309,7 +309,7 @@ def _print_schema(name: str | None) -> None:
     if name is not None:
         import json
 
-        from gmwm.cli.schemas import schema
+        from gmwm.cli.manual import schema
 
         print(json.dumps(schema(name), indent=1))
         raise typer.Exit
