@@ -5,8 +5,8 @@ import json
 
 import jsonschema
 import pytest
-from gmwm.cli.commands import NAMES
 
+from gmwm.cli.main import NAMES
 from gmwm.cli.manual import SCHEMAS as FILE
 from gmwm.cli.manual import schema
 from tests.json_outputs import Shape
