@@ -8,8 +8,8 @@ from html import unescape
 from pathlib import Path
 
 from gmwm.base.remarks import Dialect, Message, messages
-from gmwm.base.remarks.explanation import cases, sentence_and_advice, severities
 from gmwm.base.remarks.registry import SECTIONS
+from gmwm.base.remarks.rendering import cases, sentence_and_advice, severities
 
 FOLDER = Path(__file__).parent / "messages"
 MARK = "<!-- Written by `python -m docs.message_pages` from src/gmwm/base/remarks/messages.toml. -->"

@@ -153,6 +153,14 @@ def jumps(n: int, rng: Rng) -> Array:
     return white(n, rng) + np.sum(1e-4 * rng.normal(size=5) * (np.arange(n)[:, None] > at), axis=1)
 
 
+def jumps_in_walk(n: int, rng: Rng) -> Array:
+    """Two to four jumps beside a random walk, each of 0.7 to 1.4 of its standard deviation at the end."""
+    at = rng.integers(n // 20, n - n // 20, size=int(rng.integers(2, 5)))
+    sizes = 3 * WALK * np.sqrt(n) * rng.uniform(0.7, 1.4, size=at.size) * rng.choice([-1, 1], size=at.size)
+    walk = np.cumsum(3 * WALK * rng.normal(size=n))
+    return white(n, rng) + walk + sizes @ (np.arange(n) > at[:, None])
+
+
 def counter(n: int, rng: Rng) -> Array:
     """Difference of a rounded angle, divided by the interval: steps of the angle are 2 to 10 times the noise."""
     step = WHITE / RATE * rng.uniform(2, 10)
@@ -211,6 +219,15 @@ def cic(n: int, rng: Rng) -> Array:
     return x[:n] + np.cumsum(WALK * rng.normal(size=n))
 
 
+def cic_coarse(n: int, rng: Rng) -> Array:
+    """The same with averages of 20 to 50 samples, and a step of 0.05 to 0.5 standard deviations."""
+    length, x = int(rng.integers(20, 51)), WHITE * rng.normal(size=n + 150)
+    for _ in range(3):
+        x = np.convolve(x, np.ones(length) / length, "valid")
+    step = np.std(x) * np.exp(rng.uniform(np.log(0.05), np.log(0.5)))
+    return np.round((x[:n] + np.cumsum(WALK * rng.normal(size=n))) / step) * step
+
+
 def periodic(n: int, rng: Rng) -> Array:
     """White noise with a temperature that swings three to five times."""
     return white(n, rng) + 6e-5 * np.sin(2 * np.pi * rng.uniform(3, 5) * np.arange(n) / n + rng.uniform(0, 6.28))
@@ -264,9 +281,10 @@ def dithered(n: int, rng: Rng) -> Array:
 FAULTS: dict[str, Callable[[int, Rng], Array]] = {
     "clipped": clipped, "clipped_both": clipped_both, "full_scale": full_scale, "held_2": held(2), "held_4": held(4),
     "held_10": held(10), "held_coarse": held_coarse, "polled": polled, "lost": lost, "asleep": asleep,
-    "dead_start": dead_start, "jump": jump, "jump_white": jump_white, "jumps": jumps, "counter": counter,
-    "counter_exact": counter_exact, "wrapped": wrapped, "wrapped_rare": wrapped_rare, "interpolated": interpolated,
-    "resampled": resampled, "low_passed": low_passed, "cic": cic, "periodic": periodic, "student_3": student(3.0),
-    "student_2.5": student(2.5), "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization,
-    "telegraph": telegraph, "moved_end": moved_end, "dithered": dithered,
+    "dead_start": dead_start, "jump": jump, "jump_white": jump_white, "jumps": jumps, "jumps_in_walk": jumps_in_walk,
+    "counter": counter, "counter_exact": counter_exact, "wrapped": wrapped, "wrapped_rare": wrapped_rare,
+    "interpolated": interpolated, "resampled": resampled, "low_passed": low_passed, "cic": cic,
+    "cic_coarse": cic_coarse, "periodic": periodic, "student_3": student(3.0), "student_2.5": student(2.5),
+    "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization, "telegraph": telegraph,
+    "moved_end": moved_end, "dithered": dithered,
 }  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -61,3 +61,24 @@ def _foot(study: ModuleType, result: Mapping[str, Any], rows: int) -> str:
     reduced = "--reduced " if result["reduced"] else ""
     every = f"all {rows} rows" if rows > ROWS else "all tables"
     return f"Seed {study.SEED}; `python -m validation {reduced}{study.NAME}`, `--tables` for {every}."
+
+
+def draw_coverage(bars: Sequence[tuple[str, float, int]], path: Path) -> None:
+    """Draw the share of intervals that contain the true value, with twice its standard error, beside 95 %. `bars` are
+    texts, shares and numbers of runs."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.5, 0.6 + 0.2 * len(bars)), layout="constrained")
+    axes = figure.subplots()
+    for place, (_, share, runs) in enumerate(bars):
+        # At a share of 0 or 1 the error of one run more or less remains.
+        error = 2 * (max(share * (1 - share), 1 / runs) / runs) ** 0.5
+        axes.errorbar(100 * share, place, xerr=100 * error, fmt="o", color="C0", markersize=4)
+    axes.axvline(95, color="black", linewidth=0.8)
+    axes.set_yticks(range(len(bars)), [text for text, _, _ in bars], fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlim(right=101)
+    axes.set_xlabel("intervals with the true value (%)")
+    with mpl.rc_context({"svg.hashsalt": path.stem, "svg.fonttype": "none"}):
+        figure.savefig(path, metadata={"Date": None})

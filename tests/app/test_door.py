@@ -13,8 +13,7 @@ import gmwm
 pytest.importorskip("dash", reason="needs Dash: pip install '.[app]'")
 
 from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.door import LARGEST_CALLBACK
-from gmwm.applications.app.server import application, open_path
+from gmwm.applications.app.server import LARGEST_CALLBACK, application, open_path
 
 pytestmark = pytest.mark.slow
 

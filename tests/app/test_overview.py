@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.app.overview import SCREEN_COLUMNS, Overview, overview, shown_times
+from gmwm.applications.app.workspace import SCREEN_COLUMNS, Overview, overview, shown_times
 from gmwm.recording.chunks import Chunk
 
 

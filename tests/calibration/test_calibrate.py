@@ -9,7 +9,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
-from gmwm.calibration.calibrate_axis import STAGES
+from gmwm.calibration.calibrate_recordings import STAGES
 from gmwm.choosing.datasheets import model_datasheet, with_limits
 from gmwm.choosing.selection.structure import structure_of
 from tests.helpers import codes, only, raises

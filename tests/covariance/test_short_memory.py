@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, PL, RW, SARMA, WN
+from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, OSC, PL, RW, SARMA, WN
 from gmwm.measuring.covariance import Design, covariance, filtered, gaussian, variances, wavelet_covariance
 from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.theory.processes import Process
@@ -38,6 +38,7 @@ PROCESSES = {
     "season": SARMA(phi=[0.5], sphi=[0.6], period=12, sigma2=1.0),
     "smooth": MAT(beta=2.0, nu=1.5, sigma2=1.0),
     "rough": MAT(beta=2.0, nu=0.3, sigma2=1.0),
+    "oscillator": OSC(frequency=0.7, quality=5.0, sigma2=1.0),
 }
 BESIDE = {
     "alone": (None, None, 0.0),
@@ -165,6 +166,7 @@ def test_a_resonance_that_lasts_too_long_for_a_robust_estimate():
         covariance(as_model(lasting), at) / np.outer(size, size), expected / np.outer(size, size), atol=1e-9
     )
     assert MAT(beta=1e-3, nu=1.0, sigma2=1.0).memory(RATE) is None
+    assert OSC(frequency=0.7, quality=1e3, sigma2=1.0).memory(RATE) is None
     assert MA(theta=[0.1] * 9, sigma2=1.0).memory(RATE) == 9 <= LONGEST_LAGS
 
 

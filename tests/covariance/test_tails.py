@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm import Signal, wavelet_variance
-from gmwm.measuring.covariance.tails import TailSums, excess_covariance
+from gmwm.measuring.covariance.tails import TailSums, excess_covariance, with_tails
 
 N, RATE = 100_000, 100.0
 
@@ -103,3 +103,19 @@ def test_the_covariance_is_wider_if_the_fourth_moment_is_infinite():
             usual += 1
     assert usual >= 15
     assert inside >= 0.85 * usual
+
+
+def test_lags_share_the_tails_of_the_first_level_and_short_series_have_short_blocks():
+    found = []
+    for seed in range(12):
+        x = Signal(np.random.default_rng(seed).standard_t(5, size=2000), 1.0)
+        excess = with_tails(wavelet_variance(x, filter="haar + lags:2"), x).excess
+        if excess is not None:
+            np.testing.assert_array_equal(excess[:2, :2], excess[2, 2])
+            np.testing.assert_array_equal(excess[:2, 3:], excess[[2, 2], 3:])
+            found.append(excess[2, 2] * 2000)
+    assert len(found) >= 6
+    assert 2.0 < np.median(found) < 12.0  # the excess kurtosis is 6
+    clean = [Signal(np.random.default_rng(seed).normal(size=2000), 1.0) for seed in range(20)]
+    assert sum(with_tails(wavelet_variance(x, filter="haar + lags:2"), x).excess is not None for x in clean) <= 1
+    assert with_tails(wavelet_variance(clean[0]), clean[0]).excess is None

@@ -167,6 +167,7 @@ def test_negative_functions_and_other_options_are_errors(data):
 def test_functions_are_read():
     varied = Varies.parse("1 + abs(rate) + rate**2")
     assert varied.condition == "rate"
-    conditions = [np.array([c]) for c in (-2.0, 0.0, 3.0)]
+    conditions = np.array([[-2.0], [0.0], [3.0]])
     assert varied.means(conditions, "WN").tolist() == [[1, 1, 1], [2, 0, 3], [4, 0, 9]]
-    assert varied.means([np.array([0.0, 2.0]), *conditions], "WN")[:, 0].tolist() == [1, 1, 2]
+    bins = np.array([[0.0, 2.0], [-2.0, -2.0], [3.0, 3.0]])
+    assert varied.means(bins, "WN")[:, 0].tolist() == [1, 1, 2]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import gmwm
 from gmwm.base.errors import DataError, OptionError
-from gmwm.fitting.estimation.moving_condition import divide
+from gmwm.fitting.estimation.conditions import Stack, _settle
+from gmwm.fitting.estimation.moving_condition import _quantiles, divide
 from tests.helpers import raises
 
 N = 1 << 15
@@ -107,6 +110,49 @@ def test_bins_have_equal_shares_and_end_at_gaps() -> None:
     assert sum(wv.samples for wv in bins.curves) <= len(signal)
     # A step of 4900 samples of one ramp through a bin has 1000 samples, so that a level of 512 is measured.
     assert bins.levels == 9
+
+
+def test_the_curve_of_a_bin_is_the_mean_over_the_conditions_of_its_coefficients() -> None:
+    rng = np.random.default_rng(11)
+    c = np.interp(T, np.arange(0, N + 400, 400), rng.normal(size=N // 400 + 2))
+    _, bins = divide(gmwm.Signal(rng.normal(size=N), 1.0), {"c": c}, robust=False, efficiency=0.6)
+    levels = np.arange(1, bins.levels + 1)
+
+    def curves(values: Array) -> Array:
+        phi = np.tanh(1 + 0.6 * np.atleast_1d(values))
+        return np.array([gmwm.AR1(phi=p, sigma2=1).wavelet_variance(levels, 1.0) for p in phi.tolist()])
+
+    last = bins.conditions[-1]
+    exact = curves(np.sort(last)[::8]).mean(axis=0)
+    assert np.max(np.abs(curves(np.array(last.mean()))[0] / exact - 1)) > 0.02
+    parts = curves(bins.parts[-1, 0].mean(axis=-1))  # of level 1, which has nearly all samples
+    assert np.max(np.abs(parts.mean(axis=0) / exact - 1)) < 0.006
+    # Long coefficients are in long stays, which are further inside of the outermost range.
+    assert bins.parts[-1, -1].mean() > bins.parts[-1, 0].mean() + 0.02
+
+
+def test_conditions_count_as_often_as_coefficients_contain_their_samples() -> None:
+    values = np.random.default_rng(12).normal(size=100)
+    runs = [(0, 5), (10, 40), (50, 53)]
+    contained = np.concatenate([values[k : k + 4] for a, b in runs for k in range(a, b - 3)])
+    quantiles = _quantiles(values, runs, 4)
+    expected = np.quantile(contained, (np.arange(64) + 0.5) / 64, method="inverted_cdf")
+    np.testing.assert_array_equal(quantiles.ravel(), expected)
+
+
+def test_the_variance_of_levels_of_the_whole_recording_under_a_variance_that_changes() -> None:
+    scale = np.where(np.arange(4096) % 256 < 128, 3.0, 1.0)
+    model, phi = gmwm.Model.parse("WN"), np.array([[[[9.0]], [[1.0]]]])
+    curves = []
+    for seed in range(400):
+        signal = gmwm.Signal(scale * np.random.default_rng(seed).normal(size=4096), 1.0)
+        curves.append(gmwm.wavelet_variance(signal).first(3))
+    part = [gmwm.wavelet_variance(np.random.default_rng(1).normal(size=2048), 1.0).first(1)] * 2
+    stack = Stack(model, tuple(part), {0: phi}, whole=curves[0], shares=np.array([0.5, 0.5]))
+    solved = _settle(stack, "diagonal", certify=False)
+    v = stack.covariance(replace(solved.solution, scales=np.ones(1)))
+    spread = np.var([wv.variance for wv in curves], axis=0)[1:]
+    np.testing.assert_allclose(np.diag(v)[2:], spread, rtol=0.25)
 
 
 def test_errors() -> None:

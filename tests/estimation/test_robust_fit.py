@@ -93,3 +93,15 @@ def test_robust_and_classical_agree_on_clean_data():
     one, other = (gmwm.fit(GM() + WN(), x, RATE, robust=r).parameters for r in (False, True))
     assert one["WN.sigma2"] == pytest.approx(other["WN.sigma2"], rel=0.02)
     assert one["GM.beta"] == pytest.approx(other["GM.beta"], rel=0.2)
+
+
+def test_an_upper_limit_is_not_below_the_estimate_beside_outliers_that_are_kept():
+    rng = np.random.default_rng(3)
+    x = 1e-3 * rng.normal(size=60_000) + 5e-3 * np.diff(rng.random(60_001))
+    x[rng.random(x.size) < 0.005] += 0.1
+    wv = gmwm.wavelet_variance(x, 100.0, robust=True)
+    fit = gmwm.fit("WN + QN", wv)
+    limits = fit.confidence_intervals()
+    assert wv.excess is not None
+    assert all(limits[name][1] >= value for name, value in fit.parameters.items())
+    assert limits["WN.sigma2"][1] > 1e-6

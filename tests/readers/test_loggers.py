@@ -56,6 +56,7 @@ CLOCKS = [
           "strftime of C, %p"),
     clock("colon before milliseconds", "Time", lambda time: f"{time:%H:%M:%S:%f}"[:-3], "LabVIEW format strings"),
     clock("dashes between all parts", "Time", lambda time: f"{time:%Y-%m-%d_%H-%M-%S-%f}"[:-3], "names of log files"),
+    clock("digits of a time of day", "UTC (hhmmss.ss)", lambda time: f"{time:%H%M%S.%f}"[:-4], "NMEA 0183, UTC"),
     clock("asctime", "Time", lambda time: f"{time:%a %b %d %H:%M:%S.%f %Y}", "asctime of C"),
 ]  # fmt: skip
 
@@ -144,6 +145,25 @@ PROGRAMS = [
     Layout("labels with units", "serial monitors of sensor libraries", table(
         "Booting ...", "ax = {A[0]} m/s^2, ay = {A[1]} m/s^2, az = {A[2]} m/s^2, gx = {G[0]} rad/s, gy = {G[1]} rad/s, "
         "gz = {G[2]} rad/s"), "log.txt", options={"rate": RATE}),
+    Layout("lines of Adafruit's examples", "Adafruit MPU6050 library, basic_readings", table(
+        "Adafruit MPU6050 test!\nMPU6050 Found!\nAccelerometer range set to: +-8G\nFilter bandwidth set to: 5 Hz\n",
+        "Acceleration X: {A[0]}, Y: {A[1]}, Z: {A[2]} m/s^2\nRotation X: {G[0]}, Y: {G[1]}, Z: {G[2]} rad/s\n"
+        "Temperature: 26.{k:02d} degC\n"), "serial.log", options={"rate": RATE}),
+    Layout("a title above the axes", "Adafruit BNO08x library for CircuitPython, simpletest", table(
+        "", "Acceleration:\nX: {A[0]}  Y: {A[1]} Z: {A[2]}  m/s^2\nGyro:\nX: {G[0]} Y: {G[1]} Z: {G[2]} rads/s"),
+        "serial.txt", options={"rate": RATE}),
+    Layout("logging of Python", "Python documentation, logging: asctime and levelname", table(
+        "INFO:root:ready", "{s} INFO gx={G[0]} gy={G[1]} gz={G[2]} ax={A[0]} ay={A[1]} az={A[2]}",
+        stamp=lambda time: f"{time:%Y-%m-%d %H:%M:%S,%f}"[:-3]), "log.log", options=SI),
+    Layout("rate in a title", "ST, titles of exported registers", table(
+        _AXES, "{g},{a}", deg=True, g=True, head="LSM6DSO ODR = 100 Hz FS = 250 dps\n"), remarks=("rate-stated",)),
+    Layout("RawSensors of Advanced Navigation", "Advanced Navigation, Logging utility", table(
+        "Unix Time,Microseconds,Accelerometer X (m/s/s),Accelerometer Y (m/s/s),Accelerometer Z (m/s/s),"
+        "Gyroscope X (rad/s),Gyroscope Y (rad/s),Gyroscope Z (rad/s),Magnetometer X (mG),Magnetometer Y (mG)",
+        "1700000000,{us},{a},{g},1,2"), remarks=("time-read",)),
+    Layout("AirSim", "AirSim, sensors of a recording", table(
+        "TimeStamp\tAngularVelX\tAngularVelY\tAngularVelZ\tLinearAccX\tLinearAccY\tLinearAccZ", "{ns}\t{g}\t{a}"),
+        options=SI),
     Layout("units in cells", "exports of databases of time series", table(
         "time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z",
         "{ms} ms,{G[0]} dps,{G[1]} dps,{G[2]} dps,{A[0]} g,{A[1]} g,{A[2]} g", deg=True, g=True)),
@@ -285,3 +305,26 @@ def test_a_date_and_a_time_under_one_name_in_a_table_with_blanks(tmp_path):
     (path := tmp_path / "log.txt").write_text(text())
     imu = gmwm.read(path)
     assert (imu.rate, len(imu)) == (pytest.approx(RATE), SIZE)
+
+
+def test_the_only_bag_of_a_folder_is_read(tmp_path):
+    """M2DGR has a bag beside the trajectory of the ground truth."""
+    data = mcap(lambda k: {"angular_velocity": vector(GYRO[k])})
+    (tmp_path / "room_01.mcap").write_bytes(data)
+    (tmp_path / "room_01.txt").write_text("1628058816.9 0 0 0 0 0 0 1\n" * 9)
+    assert gmwm.read(tmp_path).axes == ("gyro_x", "gyro_y", "gyro_z")
+    (tmp_path / "room_02.mcap").write_bytes(data)
+    with raises(ReadError, "room_01.mcap, room_02.mcap", code="is-directory"):
+        gmwm.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [(b"{\"a\":" * 5000 + b"1" + b"}" * 5000, "no-numbers"), (b"[{\"a\":1}", "cut-off"),
+     (b"{\"t\": 1, \"gx\": {}}\n" * 20, "no-time")],
+    ids=["nested", "cut", "no numbers"],
+)  # fmt: skip
+def test_json_that_is_no_table_is_an_error(tmp_path, text, code):
+    (path := tmp_path / "log.json").write_bytes(text)
+    with raises(ReadError, code=code) if code != "no-time" else pytest.raises(ReadError):
+        gmwm.read(path)

@@ -59,6 +59,16 @@ def test_values_that_are_held_are_used_once(k, step):
     assert remark.facts["times"] == k
 
 
+@pytest.mark.parametrize("ratio", [1.25, 1.5, 2.5])
+def test_a_short_log_with_a_regular_pattern_is_held(ratio):
+    x = _noise(2, 450)
+    assert repeats_of([x[(np.arange(450) / ratio).astype(int)]], np.array([0])).every == pytest.approx(ratio, rel=0.02)
+    lost = np.flatnonzero(np.random.default_rng(5).random(450) > 1 / ratio)
+    x[lost[lost > 0]] = np.nan
+    filled = x[np.maximum.accumulate(np.where(np.isnan(x), 0, np.arange(450)))]
+    assert repeats_of([filled], np.array([0])).kind == "lost"
+
+
 def test_a_log_at_another_rate_gives_the_samples_of_the_sensor():
     x = _noise(1, 20_000)
     (part,) = repaired(_imu(x[(np.arange(30_000) * 0.625 + 0.3).astype(int)]))

@@ -72,6 +72,7 @@ def test_a_fit_comes_back_with_its_regression(followed):
     again = gmwm.estimation.Fit.from_dict(fit.to_dict())
     assert again.to_dict() == fit.to_dict()
     assert again.regression.summary() == fit.regression.summary()
+    assert fit.summary().endswith(fit.regression.summary())
 
 
 def test_the_first_level_is_that_of_the_noise_alone(followed):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gmwm.base.remarks import Dialect, messages
-from gmwm.base.remarks.explanation import examples
+from gmwm.base.remarks.rendering import examples
 
 FOLDER = Path(__file__).parent
 

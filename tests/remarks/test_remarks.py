@@ -17,9 +17,9 @@ from gmwm.base.remarks import (
     sorted_remarks,
     texts,
 )
-from gmwm.base.remarks.explanation import examples
 from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice
 from gmwm.base.remarks.registry import message as message_of
+from gmwm.base.remarks.rendering import examples
 from tests.remarks.snapshot import file_of, rendered
 
 ALL = [pytest.param(message, id=message.code) for message in messages().values()]

@@ -1,7 +1,6 @@
 """The search for a model: simple noise, the filters of sensors, resonances and lines, made with NumPy and SciPy."""
 
 import json
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,20 +12,9 @@ from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
-from gmwm.choosing.selection.search import (
-    FELT,
-    MOST_FREE,
-    REJECTED,
-    _is_accepted,
-    _largest,
-    _peaks,
-    search,
-    within_family,
-)
+from gmwm.choosing.selection.search import LOW_ORDER, REJECTED, STATED_MISFIT, _is_accepted, search, within_family
 from gmwm.choosing.selection.search_steps import SearchStep
-from gmwm.choosing.selection.structure import freedom
-from gmwm.measuring.spectrum.line import Line
-from gmwm.theory.processes.parameter import Fixed
+from gmwm.choosing.selection.structure import freedom, largest_within
 from gmwm.theory.processes.sinusoid import SIN
 
 RATE = 100.0
@@ -55,6 +43,12 @@ def density(found):
     processes = found.ranking.recommended.fit.model.processes
     squares = [p.value**2 * RATE for one in processes if one.scale > 0 for p in one.physical(RATE) if p.symbol == "N"]
     return np.sqrt(sum(squares))
+
+
+def density_of_all(found):
+    """The root of the density per sample at low frequencies of all terms without the walk and the oscillators."""
+    processes = found.ranking.recommended.fit.model.processes
+    return np.sqrt(sum(p.psd([1e-3], RATE)[0] * RATE for p in processes if p.scale > 0 and p.name not in ("OSC", "RW")))
 
 
 def names(found):
@@ -118,6 +112,43 @@ def test_a_resonance():
     assert total == pytest.approx(np.sqrt(1 + 0.09 / np.sum(back) ** 2), rel=0.015)
 
 
+def resonance(rng, n, frequency, quality, deviation):
+    angle, radius = 2 * np.pi * frequency / RATE, np.exp(-np.pi * frequency / quality / RATE)
+    x = filtered([1.0], [1, -2 * radius * np.cos(angle), radius**2], rng, n)
+    return deviation * x / x.std()
+
+
+SIMPLE_FILTERS = {"two samples": ([0.85, 0.15], [1.0]), "one pole": ([0.8], [1, -0.2])}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", list(SIMPLE_FILTERS))
+@pytest.mark.parametrize("frequencies", [(12.0,), (0.6, 12.0), (0.6, 1.8, 23.0)])
+def test_a_simple_filter_with_resonances_has_a_simple_shape_and_oscillators(which, frequencies):
+    rng, n = np.random.default_rng(7), 300_000
+    x = filtered(*SIMPLE_FILTERS[which], rng, n) + walk(rng, n)
+    for frequency in frequencies:
+        x = x + resonance(rng, n, frequency, 14.0, 0.3)
+    found = searched(x)
+    model = found.ranking.recommended.fit.model
+    oscillators = [p for p in model.processes if p.name == "OSC"]
+    assert sorted(p.value("frequency") for p in oscillators) == pytest.approx(frequencies, rel=0.05)
+    shapes = [p for p in model.processes if p.name.startswith(("AR", "MA"))]
+    assert all(len(shape.nonlinear) <= 2 * LOW_ORDER for shape in shapes)
+    assert density_of_all(found) == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_shape_of_high_order_contains_the_wide_peaks():
+    rng, n = np.random.default_rng(7), 300_000
+    x = filtered(*FILTERS["FIR"], rng, n) + walk(rng, n) + resonance(rng, n, 12.0, 9.0, 0.2)
+    found = searched(x)
+    (shape,) = (p for p in found.ranking.recommended.fit.model.processes if p.name.startswith(("AR", "MA")))
+    assert max(int(order) for order in shape.name.strip("ARM()").split(",")) > LOW_ORDER
+    assert "OSC" not in names(found)
+    assert density_of_all(found) == pytest.approx(1.0, rel=0.02)
+
+
 @pytest.mark.slow
 def test_a_first_order_filter_is_not_a_gauss_markov_process():
     """The wavelet variance accepts a fast Gauss-Markov process in its place, with N 0.5 % too large."""
@@ -160,35 +191,6 @@ def test_without_a_spectrum_an_autoregression_is_fitted():
     assert found.tried[-1] == f"{SLOW} + AR(2)"
 
 
-@pytest.mark.slow
-def test_weak_lines_are_left_out_and_only_the_strongest_has_a_free_power():
-    rng, n = np.random.default_rng(5), 200_000
-    t, x = np.arange(n) / RATE, np.random.default_rng(5).normal(size=200_000)
-    for frequency, amplitude in ((7.3, 0.3), (21.1, 0.2), (33.7, 0.25), (12.9, 0.035)):
-        x = x + amplitude * np.sin(2 * np.pi * frequency * t + rng.random())
-    spectrum, wv = gmwm.psd(x, RATE), wavelet_variance(x, rate=RATE)
-    assert len(spectrum.lines) == 4
-    lines = _peaks(spectrum, wv, ())
-    assert len(lines) == 3
-    assert [line.is_fixed("power") for line in lines] == [k >= MOST_FREE for k in range(3)]
-    assert all(line.is_fixed("frequency") for line in lines)
-    curve = [line.wavelet_variance(wv.levels, RATE) for line in lines[MOST_FREE:]]
-    assert all((one / wv.variance).max() >= FELT for one in curve)
-
-
-@pytest.mark.parametrize(("share", "count"), [(0.0035, 1), (0.0025, 0)])
-def test_a_line_is_felt_from_a_share_of_the_curve_on(share, count):
-    wv = wavelet_variance(np.random.default_rng(1).normal(size=20_000), rate=RATE)
-    unit = SIN(frequency=Fixed(7.3), power=Fixed(1.0)).wavelet_variance(wv.levels, RATE)
-    power = share / float(np.max(unit / wv.variance))
-    spectrum = gmwm.psd(np.random.default_rng(1).normal(size=20_000), RATE)
-    line = Line(
-        frequency=7.3, frequency_error=0.001, amplitude=np.sqrt(2 * power), amplitude_error=0.0, width=0.0, height=2.0,
-        p_value=0.0,
-    )  # fmt: skip
-    assert len(_peaks(replace(spectrum, lines=(line,)), wv, ())) == count
-
-
 # --- the steps ----------------------------------------------------------------------------------------
 
 
@@ -219,7 +221,10 @@ def test_the_steps_say_why_each_family_was_entered_and_left():
     assert with_line.steps[0].bound < REJECTED <= with_line.steps[1].bound
     assert with_line.steps[0].recommended is None
     resonant = searched(filtered(*FILTERS["Butterworth 2"], rng, n) + line)
-    assert [(s.entered, s.used) for s in resonant.steps] == [("slow", False), ("lines", False), ("shape", True)]
+    assert [s.entered for s in resonant.steps] == ["slow", "lines", "shape", "shape"]
+    assert [s.used for s in resonant.steps] == [False, False, False, True]
+    assert resonant.steps[2].left == "all-rejected"
+    assert resonant.steps[2].model_error > STATED_MISFIT
     plain = searched(filtered(*FILTERS["Butterworth 2"], rng, n), spectrum=False)
     assert [s.entered for s in plain.steps] == ["slow", "shape"]
     given = within_family("WN + RW", plain.wavelet_variance, OPTIONS).steps
@@ -283,10 +288,10 @@ def curve_with_line(frequency, amplitude):
 
 
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):
-    assert _largest("GM + WN", curve).structure == "GM + WN"
+    assert largest_within("GM + WN", curve).structure == "GM + WN"
     short = curve.first(5)
     for required in ((), (SIN(frequency=gmwm.fixed(17.3)),)):
-        whole = _largest(SLOW, short, required)
+        whole = largest_within(SLOW, short, required)
         assert freedom(whole) <= 5
         assert freedom(whole) >= 4
         assert all(process in whole.processes for process in required)

@@ -189,7 +189,7 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
 TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 """Units of time stamps, with the number of each unit in a second."""
 
-LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400, "ticks": 1e-7}
+LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400, ".NET ticks": 1e-7}
 """Other units of time, with their lengths in seconds: 1 tick of .NET and Windows is 100 ns."""
 
 TIME_WORDS = {
@@ -198,7 +198,8 @@ TIME_WORDS = {
     "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
     "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
     "min": "min", "mins": "min", "minute": "min", "minutes": "min",
-    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d", "ticks": "ticks",
+    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
+    ".netticks": ".NET ticks",
 }  # fmt: skip
 """Names of the units of time, with the short name of each unit."""
 _SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)

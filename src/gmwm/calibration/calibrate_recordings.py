@@ -1,37 +1,173 @@
-"""Calibrate the axes of one or several recordings, and put the results together."""
+"""Fit and judge each measured axis, and put the axes of one or several recordings together to a calibration."""
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-from gmwm.base.errors import GmwmError, OptionError
+import numpy as np
+
+from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress
-from gmwm.base.threads import in_threads
-from gmwm.calibration.additions import recording_additions
-from gmwm.calibration.calibrate_axis import STAGES, calibrate_axis, choose_model
+from gmwm.base.text import counted
+from gmwm.base.threads import in_threads, return_memory
+from gmwm.calibration.additions import axis_additions, recording_additions
+from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import TEST_SIZE
+from gmwm.calibration.findings import LEAST_SCALES, PLANNED_ERROR, TEST_SIZE
 from gmwm.calibration.measure import MeasuredAxis, measure
-from gmwm.calibration.number_verdicts import with_limits
+from gmwm.calibration.number_verdicts import with_verdict_limits
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import Execution
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.rest import bias_at_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.choosing.selection.search import ModelChoice
+from gmwm.choosing.datasheets import datasheet, model_datasheet, with_limits
+from gmwm.choosing.selection.search import ModelChoice, given_curve, given_model, search, within_family
 from gmwm.choosing.selection.shared_form import with_shared_form
+from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
+from gmwm.fitting.estimation.model_error import nearly_fitted, relative_misfit
+from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.reweighting import settle
+from gmwm.fitting.inference.planning import CERTAIN_ERROR, relative_errors
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Streamed
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
+from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.walk import RW
 
 if TYPE_CHECKING:
     from distributed import Client
+
+STAGES = ("measured", "model chosen", "fitted")
+"""Names of the steps of the calibration of one axis, as the progress callback gets them."""
+
+
+def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: CalibrationOptions) -> AxisCalibration:
+    """Fit the chosen model of an axis, and compute its numbers and their uncertainty."""
+    options = options.of_axis(measured.axis)
+    curve, level, ranking = measured.curve(options), options.confidence, choice.ranking
+    fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
+    lines = () if measured.spectrum is None else measured.spectrum.lines
+    sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
+    raw = measured.raw_curve(options)
+    means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
+    additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
+    axis = AxisCalibration(
+        fit=fit, intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
+        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)), datasheet=with_limits(sheet, fit),
+        ranking=ranking, verdict=measured.verdict(robust=curve.robust),
+        needed=needed_lengths(_as_one_recording(fit), options.weighting), spectrum=measured.spectrum,
+        misfit=relative_misfit(fit), model_error=choice.error, tried=choice.tried, search=choice.steps,
+        regression=measured.regression, left_in=None if raw is None else _left_in(fit, raw, options),
+        rest=bias_at_rest(fit, ranking, means, level=level) if means else None,
+        additions={name: value for name, value in additions.items() if value is not None},
+    )  # fmt: skip
+    # The cached values behind these are computed here, where axes are processed in parallel.
+    _ = fit.replicates, ranking.remarks
+    return axis
+
+
+def choose_model(
+    wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
+    check: Callable[[], None] = lambda: None,
+) -> ModelChoice:  # fmt: skip
+    """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
+    options of the axis say. `check` is called often and may raise to stop. Raises a GmwmError if, for example, the
+    recording is too short."""
+    require_scales(wv)
+    if options.models:
+        return given_model(options.general, wv, options.ranking)
+    if options.searched:
+        # The covariance of a robust estimate of a sinusoid is unknown.
+        return search(wv, None if wv.robust else spectrum, options.ranking, check=check)
+    return within_family(options.general, wv, options.ranking, check=check)
+
+
+def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
+    """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
+    filters threads would share."""
+    return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
+
+
+def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) -> Fit:
+    """Fit a given model in the same way as `calibrate` does for its argument `models`, without a ranking."""
+    return final_fit(model, given_curve(model, wv, options.weighting), options.weighting)
+
+
+def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
+    """Return K (SI) from the curve without the removal of the conditions; None if unknown. A random walk is added to a
+    model that has none."""
+    walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
+    model = fit.model if walks else Model((*fit.model.processes, RW()))
+    try:
+        raw_fit = nearly_fitted(model, raw, options.weighting)
+        entry = datasheet(raw_fit, options.confidence).get(WALK)
+    except GmwmError:
+        return None
+    return None if entry is None else entry.value
+
+
+def require_scales(wv: WaveletVariance) -> None:
+    """Raise a DataError if a wavelet variance has too few usable scales to choose a model."""
+    scales = int(np.count_nonzero(usable_levels(wv)))
+    if scales < LEAST_SCALES:
+        raise DataError(
+            f"{counted(wv.samples, 'sample')} are too short for a calibration: "
+            f"{counted(scales, 'scale')} can be used, and at least {LEAST_SCALES} are needed",
+            argument="data",
+            got=wv.samples,
+            advice="Record for several hours, or fit one model to the short curve with {gmwm fit}.",
+        )
+
+
+def _as_one_recording(fit: Fit) -> Fit:
+    """Return a fit whose standard errors do not include the spread between recordings."""
+    wv = fit.wavelet_variance
+    return replace(fit, wavelet_variance=replace(wv, recordings={})) if wv.recordings else fit
+
+
+def _test(fit: Fit) -> GoodnessOfFit | None:
+    try:
+        return fit.goodness_of_fit()
+    except (MissingTheoryError, ModelError):
+        return None
+
+
+def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
+    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
+    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
+    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
+    shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
+    poor = [name for name, share in shares if share > CERTAIN_ERROR]
+    if not poor or fit.diagnostics.acts_as:
+        return dict.fromkeys(poor)
+    terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
+    model = Model(tuple(process for _, process in terms))
+    label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
+    lengths: dict[str, float | None] = dict.fromkeys(poor, math.inf)
+    for doubling in range(1, 11):  # at most 1024 times the length (tests/calibration/test_calibrate.py)
+        samples = fit.wavelet_variance.samples << doubling
+        names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
+        for name, error in zip(names, errors.tolist(), strict=True):
+            term, _, parameter = name.partition(".")
+            name_in_fit = f"{label[term]}.{parameter}"
+            if lengths.get(name_in_fit) == math.inf and error <= PLANNED_ERROR:
+                lengths[name_in_fit] = samples / fit.wavelet_variance.rate
+        if math.inf not in lengths.values():
+            break
+    return lengths
+
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -99,7 +235,7 @@ def calibrate_recording(
         recording=descriptions.get(""),
         recordings={name: item for name, item in descriptions.items() if name},
     )
-    return with_limits(calibration)
+    return with_verdict_limits(calibration)
 
 
 def _results(
@@ -115,6 +251,7 @@ def _results(
         except GmwmError as error:
             return error
 
+    return_memory()  # of the stage before, which needed other sizes of arrays
     results = in_threads(result_or_error, items, threads=threads)
     failed.update({axis: item for axis, item in results.items() if isinstance(item, GmwmError)})
     return {axis: item for axis, item in results.items() if not isinstance(item, GmwmError)}

@@ -257,7 +257,7 @@ def _jumps_of(inspection: Inspection) -> dict[str, list[tuple[int, float]]]:
     """Return the number of the first sample and the size of each jump that can be subtracted."""
     jumps: dict[str, list[tuple[int, float]]] = {}
     for step in inspection.steps:
-        if not step.at_gap:
+        if step.is_certain:
             jumps.setdefault(step.axis, []).append((step.index, step.size))
     return {axis: of_axis for axis, of_axis in jumps.items() if len(of_axis) < MOST}
 

@@ -106,7 +106,7 @@ def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     return NumberVerdict(symbol=entry.symbol, usability=usability, reason=raising)
 
 
-def with_limits(calibration: Calibration) -> Calibration:
+def with_verdict_limits(calibration: Calibration) -> Calibration:
     """Return a calibration in whose datasheets every number that a remark makes a bound is an upper limit."""
     axes = dict(calibration.axes)
     for axis, verdicts in calibration.number_verdicts.items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.additions import axis_additions, recording_additions
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import FirstPass
@@ -254,6 +254,7 @@ def _findings(
         samples = fill_gaps({
             axis: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]) for axis, item in accumulators.items()
         })  # fmt: skip
+    return_memory()
     return tuple(
         addition.of_recording(samples, threads=threads) if need else None
         for addition, need in zip(recording_additions(), needed, strict=True)

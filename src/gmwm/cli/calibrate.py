@@ -310,8 +310,7 @@ def run_calibration(
     scheduler: str | None = None, workers: int | None = None,
 ) -> Calibration:  # fmt: skip
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
-    from gmwm.calibration.calibrate_axis import STAGES
-    from gmwm.calibration.calibrate_recordings import calibrate_recording
+    from gmwm.calibration.calibrate_recordings import STAGES, calibrate_recording
 
     before = 0
     axes = options.wanted or (next(iter(recording.values())) if isinstance(recording, Mapping) else recording).axes

@@ -288,11 +288,13 @@ def fit_axes(
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
     from gmwm.cli.output import over_axes
+    from gmwm.measuring.covariance.tails import with_tails
 
     def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:
         wv = signal
-        if not isinstance(wv, gmwm.WaveletVariance):
-            wv = gmwm.wavelet_variance(wv, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        if not isinstance(signal, gmwm.WaveletVariance):
+            wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+            wv = with_tails(wv, signal)
         return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify, start=start)
 
     return over_axes(measured_and_fitted, signals, "fitting")

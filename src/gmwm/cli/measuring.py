@@ -74,7 +74,7 @@ def open_recording(
 def needs_memory(filter: str, transform: str) -> str:
     """Return --filter or --transform if its value needs the whole recording in memory; "" if neither does."""
     if filter != "haar":
-        return f"--filter {filter}"
+        return f"{'--moments' if 'lags' in filter else '--filter'} {filter}"
     return f"--transform {transform}" if transform != "modwt" else ""
 
 
@@ -103,7 +103,8 @@ def memory_for(against: str, other: str = "") -> str:
     """Return --against if its value needs the whole recording in memory, otherwise `other`."""
     if other and against != NONE:
         reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
-        raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
+        instead = ", or use {--likelihood} instead of the lags" if other.startswith("--moments") else ""
+        raise OptionError(reason, argument="against", got=against, advice=f"Leave one of them out{instead}.")
     exact = any(term.exact for term in Asked.of(against).terms)
     return f"--against {against}" if exact else other
 
@@ -150,6 +151,7 @@ def measure_together(
 ) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
     """Return the data to fit for each axis: signals or wavelet variances of one recording, or pooled ones of
     several."""
+    from gmwm.measuring.covariance.tails import with_tails
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
     from gmwm.measuring.variance.result import WaveletVariance
@@ -165,7 +167,8 @@ def measure_together(
     def curve(data: Signal | WaveletVariance) -> WaveletVariance:
         if isinstance(data, WaveletVariance):
             return data
-        return wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        wv = wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        return with_tails(wv, data)
 
     return {axis: pool({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 

@@ -300,7 +300,8 @@ _DATA_SETS = (
     "mav0/imu0/data.csv", "imu0/data.csv", "data.csv", "oxts/timestamps.txt", "ms25.csv", "sensor_data/xsens_imu.csv",
     "accelerometer.txt",
 )  # fmt: skip
-"""Inertial data in the folders of public data sets: EuRoC and TUM VI, KITTI, NCLT, KAIST Urban, TUM RGB-D."""
+"""Inertial data in the folders of public data sets: EuRoC and TUM VI, KITTI, NCLT, KAIST Urban, TUM RGB-D. Others, such
+as M2DGR, have a bag beside the trajectory."""
 
 
 def _sign_of(folder: Path) -> Path:
@@ -310,9 +311,14 @@ def _sign_of(folder: Path) -> Path:
             if reader.folder_sign and (folder / reader.folder_sign).is_file():
                 return folder / reader.folder_sign
     data_set = next((folder / name for name in _DATA_SETS if (folder / name).is_file()), None)
-    if data_set is not None:
-        return data_set
-    raise ReadError(f"{folder} is a directory", code="is-directory", advice="Pass the path of one recording in it.")
+    logs = sorted(path for path in folder.iterdir() if path.suffix.lower() in (".bag", ".mcap", ".db3", ".ulg"))
+    if data_set is None and len(logs) != 1:
+        names = ", ".join(path.name for path in logs[:5])
+        raise ReadError(
+            f"{folder} is a directory" + (f" with {len(logs)} recordings: {names}" if logs else ""),
+            code="is-directory", advice="Pass the path of one recording in it.",
+        )  # fmt: skip
+    return data_set or logs[0]
 
 
 def find_reader(path: Path, format: str | None = None) -> Reader:

@@ -198,8 +198,7 @@ class Batches:
                 self._only = batch
             yield batch
             del batch  # before the next one is gathered
-            if not isinstance(self.recording, Imu):
-                return_memory()
+            return_memory()
         self._samples = stop
 
     def each(self, *work: Callable[[Batch], None]) -> None:

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from gmwm.applications.several.conic import Cone, least_squares
 from gmwm.applications.several.moments import entries, symmetric
-from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import JointEstimate, descend
+from gmwm.applications.several.search import JointEstimate, JointProblem, descend
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch

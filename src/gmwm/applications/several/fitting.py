@@ -10,8 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
 from gmwm.applications.several.moments import lag_products, moment_covariance, stack, symmetric
-from gmwm.applications.several.problem import JointProblem
-from gmwm.applications.several.search import EXACT_TOLERANCE, ROUGH_TOLERANCE, JointEstimate, first, resume, search
+from gmwm.applications.several.search import (
+    EXACT_TOLERANCE,
+    ROUGH_TOLERANCE,
+    JointEstimate,
+    JointProblem,
+    first,
+    resume,
+    search,
+)
 from gmwm.applications.several.synchronous import chosen_names, synchronous_signals
 from gmwm.applications.several.terms import JointTerm
 from gmwm.base.arrays import Matrix, Vector

@@ -20,9 +20,8 @@ from gmwm.choosing.datasheets.effective import (
     limited,
     numbers_at,
 )
-from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.datasheets.entry import Datasheet, Entry
 from gmwm.choosing.datasheets.limits import measurable, plausible
-from gmwm.choosing.datasheets.sheet import Datasheet
 from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS

@@ -43,7 +43,7 @@ EXIT_TEXTS: Mapping[Exit, str] = {
     "rejected": "The test rejects {model}{p}.",
     "filter-possible": "The test accepts {model}{p}, but one of its Gauss-Markov terms may be a filter of the sensor.",
     "lines-absent": "In {model}, the power of a line is estimated as zero.",
-    "model-error": "The test rejects all its models{bound}, but {model} with a model error of {error:.2g} % fits{p}.",
+    "model-error": "The test rejects its models{bound}, but {model} with a model error of {error:.2g} % fits{p}.",
     "last": "The test rejects {model}{p}, but there is no further family.",
     "shared": "{model}{p} has the form that most axes of the sensor accept, and that does not increase their criteria.",
 }

@@ -16,7 +16,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
-from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.noise import QN, WN
 from gmwm.theory.processes.ordered import find_class
 from gmwm.theory.processes.oscillator import OSC
@@ -102,6 +102,16 @@ def _choices(process: Process, count: int) -> list[list[Process]]:
     if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
         return every
     return [[process], *([kind()] for kind in type(process).smaller()), []]
+
+
+def largest_within(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
+    """Return the largest model within `family` plus the required terms with at most one parameter for each level."""
+    optional = without_drift(without_values(as_model(family)), [wv])
+    largest = Model((*optional.processes, *required))
+    if freedom(largest) <= len(wv):
+        return largest
+    sums = (Model((*part.processes, *required)) for part in nested_models(optional))
+    return next((model for model in sums if freedom(model) <= len(wv)), Model(tuple(required)) if required else largest)
 
 
 def freedom(model: Model) -> int:

@@ -29,8 +29,8 @@ _EPOCH = (1e9, 2.2e9)
 _CALENDARS = (
     ("d", 36_892.0, 51_136.0),
     ("d", 730_852.0, 745_096.0),
-    ("ticks", 6.31e17, 6.44e17),
-    ("ticks", 1.26e17, 1.39e17),
+    (".NET ticks", 6.31e17, 6.44e17),
+    (".NET ticks", 1.26e17, 1.39e17),
 )
 """Unit and range of time stamps in the same years: days of Excel and MATLAB (datenum), ticks of .NET and Windows."""
 

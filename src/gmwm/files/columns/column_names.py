@@ -15,7 +15,7 @@ from gmwm.files.contract import Channel
 
 _GYRO = {
     "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
-    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr", "angularvel",
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
@@ -49,7 +49,7 @@ _NOT_SAMPLES = {
     "gravity",
 }  # fmt: skip
 _MENTIONS = {"gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate", "accel": r"acc(?!u|ept|ess)|specificforce"}
-_FIELDS = {"h", "b", "m", "magn", "compass", "velocity", "vel", "force"}  # magnetic fields may be in mG, milligauss
+_FIELDS = {"h", "b", "m", "field", "compass", "velocity", "vel", "force"}  # magnetic fields may be in mG, milligauss
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
 _ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
@@ -196,7 +196,7 @@ def axis_by_unit(name: str) -> tuple[str, str]:
     """
     text, unit = _without_bracket(clean(name))
     words = _words(text)
-    if not words or (_OTHER | _NOT_SAMPLES | _FIELDS) & set(words):
+    if not words or (_OTHER | _NOT_SAMPLES | _FIELDS) & set(words) or any(word.startswith("mag") for word in words):
         return "", ""
     for letter, stem in _letters(words):
         for sensor in SI_UNIT:

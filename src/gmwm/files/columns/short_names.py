@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from gmwm.base.axis_names import AXES
-from gmwm.files.columns.column_names import axis_by_unit, bare_words, clean
+from gmwm.files.columns.column_names import axis_by_unit, bare_words, clean, named_unit
 
 _TURNS = r"(?:imu|body)?(?:gyro?s?|gyroscope|omega|w|ang(?:ular)?(?:rate|vel(?:ocity)?|speed)?|rate|speed)"
 _SENSORS = {
@@ -33,7 +33,7 @@ _TIMES = (
 """Names of a clock, in the order of preference. They count only if no column has a usual name of the time."""
 _CLOCK = re.compile(
     r"(?!.*(?:relative|delay|exposure|integra|response|runtime|delta|local|zone|out|sync|count$))"
-    r".*(?:time|elapsed|epoch|clock|datenum|ticks|zeit|temps$|tiempo|tempo$|yyyy|时间|時間|время)"
+    r".*(?:time|elapsed|epoch|clock|datenum|ticks|zeit|tiempo|tempo$|yyyy|时间|時間|время)"
 )
 """Pattern of other names of a clock, which count only if no name above does."""
 
@@ -65,6 +65,7 @@ def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, int]
     if "time" in missing:
         joined = [re.sub(r"[^a-z]", "", clean(name).casefold()) for name in names]
         stamps = [form.index(time) for time in _TIMES for form in (words, joined) if time in form]
-        stamps += [k for k, word in enumerate(words) if _CLOCK.match(word)]
+        french = [word == "temps" and named_unit(name, "time") for word, name in zip(words, names, strict=True)]
+        stamps += [k for k, word in enumerate(words) if _CLOCK.match(word) or french[k]]
         out |= {"time": stamps[0]} if stamps else {}
     return dict(sorted(out.items(), key=lambda item: (*AXES, "time").index(item[0])))

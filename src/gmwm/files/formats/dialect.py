@@ -371,7 +371,9 @@ def _stated_rate(comments: list[str], preamble: list[str]) -> float | None:
     """Return the sampling rate (Hz) if the lines above the numbers state exactly one; otherwise None. A comment may
     hold it anywhere, as in "// Update Rate: 100.0Hz"; another line must hold nothing else, as in "Fs,100"."""
     lines = [_single_blanks(line[:200]) for line in (*comments, *preamble)]
-    rates = {_as_rate(number, unit) for line in lines[: len(comments)] for number, unit in _RATE.findall(line)}
+    # A comment without "Hz" may still state a rate; a title must have the unit.
+    texts = [*lines[: len(comments)], *(line for line in lines[len(comments) :] if "hz" in line.casefold())]
+    rates = {_as_rate(number, unit) for line in texts for number, unit in _RATE.findall(line)}
     for line in lines:
         if match := _RATE_LINE.fullmatch(line):
             rates.add(_as_rate(match[2], match[1] or match[3]))
@@ -391,7 +393,7 @@ def _single_blanks(line: str) -> str:
 
 
 _RATE = re.compile(
-    r"\b(?:update|output|sampl(?:e|ing)|data)[ _]*(?:rate|frequency)\s*[:=,]?\s*(?:\(hz\)\s*[:=,]?)?\s*"
+    r"\b(?:(?:update|output|sampl(?:e|ing)|data)[ _]*(?:rate|frequency)|odr)\s*[:=,]?\s*(?:\(hz\)\s*[:=,]?)?\s*"
     r"(\d+(?:\.\d+)?)\s*(k)?(?:hz|sps|,|;|\s|$)",
     re.IGNORECASE,
 )

@@ -6,6 +6,7 @@ in nanoseconds.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,21 +32,31 @@ class JsonType:
     """The type of JSON messages, by their fields."""
 
     schema: pl.Schema
+    elements: int  # number of elements of each list that are columns
 
     @classmethod
-    def of(cls, messages: Sequence[bytes]) -> JsonType:
-        """Return the type of the first messages. Numbers are float64, unless they have more than 15 digits."""
+    def of(cls, messages: Sequence[bytes], name: object) -> JsonType:
+        """Return the type of the first messages of `name`: float64 for numbers of at most 15 digits."""
         import polars as pl
 
-        schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
+        messages = [message.replace(b"\n", b" ") for message in messages if is_object(message)]
+        try:
+            schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+            raise ReadError(
+                f"{name} holds no JSON objects ({str(error).splitlines()[0]})", code="no-numbers",
+                advice="Write one object for each sample, in a line of its own.",
+            ) from error  # fmt: skip
         long = re.search(rb"(?<![\d.])\d{16,19}(?![\d.])", b"\n".join(messages[:10])) is not None
-        return cls(pl.Schema({name: _plain(kind, long) for name, kind in schema.items()}))
+        lists = re.findall(rb"\[([^\[\]{}]*)\]", b" ".join(messages[:10]))
+        elements = min(max((part.count(b",") + 1 for part in lists), default=0), _ELEMENTS)
+        return cls(pl.Schema({name: _plain(kind, long) for name, kind in schema.items()}), elements)
 
     def leaves(self) -> tuple[str, ...]:
         """Return the names of the numbers in every message."""
         import polars as pl
 
-        columns = _flat(pl.DataFrame(schema=self.schema)).schema.items()
+        columns = _flat(pl.DataFrame(schema=self.schema), self.elements).schema.items()
         return tuple(name for name, kind in columns if kind.is_numeric())
 
     def decoder(self, wanted: Sequence[str]) -> JsonDecoder:
@@ -56,7 +67,7 @@ class JsonType:
         """Return the fields of messages as columns."""
         import polars as pl
 
-        return _flat(pl.read_ndjson(BytesIO(b"\n".join(lines)), schema=self.schema, ignore_errors=True))
+        return _flat(pl.read_ndjson(BytesIO(b"\n".join(lines)), schema=self.schema, ignore_errors=True), self.elements)
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ class JsonDecoder:
 
         try:
             table = self.type.table([message.replace(b"\n", b" ") for message in messages])
-        except pl.exceptions.PolarsError as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise ReadError(
                 f"a message is not JSON ({str(error).splitlines()[0]})", code="message-damaged",
                 advice="Copy the file again.",
@@ -86,6 +97,14 @@ class JsonDecoder:
         }
 
 
+def is_object(message: bytes) -> bool:
+    """Return whether a message is a JSON object."""
+    try:
+        return isinstance(json.loads(message), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
 def _plain(kind: Any, long: bool) -> Any:
     """Return the type with which a field is read."""
     import polars as pl
@@ -97,7 +116,7 @@ def _plain(kind: Any, long: bool) -> Any:
     return kind if (long and kind == pl.Int64) or not kind.is_numeric() else pl.Float64
 
 
-def _flat(table: pl.DataFrame) -> pl.DataFrame:
+def _flat(table: pl.DataFrame, elements: int) -> pl.DataFrame:
     """Return a table in which each field of an object and each element of a short list is a column."""
     import polars as pl
 
@@ -106,13 +125,11 @@ def _flat(table: pl.DataFrame) -> pl.DataFrame:
         kind = column.dtype
         if isinstance(kind, pl.Struct):
             inner = column.struct.unnest() if kind.fields else pl.DataFrame()
-            columns += _flat(inner.rename({name: f"{column.name}.{name}" for name in inner.columns})).get_columns()
+            columns += _flat(
+                inner.rename({name: f"{column.name}.{name}" for name in inner.columns}), elements
+            ).get_columns()
         elif isinstance(kind, pl.List) and kind.inner.is_numeric():
-            sizes = column.list.len()
-            count = int(sizes.max() or 3) if sizes.len() else 3  # type: ignore[arg-type]
-            columns += [
-                column.list.get(k, null_on_oob=True).alias(f"{column.name}[{k}]") for k in range(min(count, _ELEMENTS))
-            ]
+            columns += [column.list.get(k, null_on_oob=True).alias(f"{column.name}[{k}]") for k in range(elements)]
         elif not isinstance(kind, pl.List):
             columns.append(column)
     flat = pl.DataFrame(columns)

@@ -10,22 +10,25 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+from gmwm.files.clock.text_stamps import is_time_of_day
 from gmwm.files.columns.column_names import is_unit
 
 Replacement = tuple[bytes, bytes]
 """Pattern and text that replaces it."""
 
-_SAMPLE = 50  # number of lines that show the forms
+_SAMPLE, _WIDTH = 50, 1000  # number of lines that show the forms, and of their first characters
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
-_LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
+_LABEL = r"[A-Za-z_][\w.]*(?: [XYZxyz])?\s*[:=]\s*"
 _UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
-_VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?=\s?{_UNIT}))(?:\s?({_UNIT})(?=[\s,;|]|$))?"
+_VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?= {{0,2}}{_UNIT}))(?: {{0,2}}({_UNIT})(?=[\s,;|]|$))?"
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
 WEEK = (_WEEK_SECONDS.encode(), b"")
 """Replacement that removes the week from time stamps such as 2190:345600.005."""
 
+_DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
 _DATES = (
     rf"(?<![\d./-])\d\d?([-/. ])(?:\d\d?|{_MONTH})\1\d{{2,4}}[ T_-]+(?=\d\d?:\d\d)",
@@ -98,8 +101,10 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     >>> line_forms(["Gyr: 1 2 3 Acc: 4 5 6"] * 4).names[:4]
     ('Gyr_x', 'Gyr_y', 'Gyr_z', 'Acc_x')
     """
-    sample = lines[len(lines) // 2 :][:_SAMPLE]
+    sample = [line[:_WIDTH] for line in lines[len(lines) // 2 :][:_SAMPLE]]
     replacements = list(_times(sample))
+    if re.search(r"(?i)utc|hhmmss", "".join(lines[: len(lines) // 2][:20])) and all(map(_DIGITS.match, sample)):
+        replacements.append((f"(?m){_DIGITS.pattern}".encode(), rb"\1:\2:\3\4"))
     half = len(sample) / 2
     arrows = sum(_ARROW.match(line) is not None for line in sample) > half
     if arrows:
@@ -115,12 +120,11 @@ def line_forms(lines: Sequence[str]) -> LineForms:
         return LineForms(tuple(replacements))
     spelt = "|".join(re.escape(unit) for unit in sorted({*units, *re.findall(r"\[(.*?)\]", " ".join(names))} - {""}))
     if spelt:
-        replacements.append((rf"(?<=[\d.])\s?(?:{spelt})(?=[\s,;|]|$)".encode(), b""))
+        replacements.append((rf"(?<=[\d.]) {{0,2}}(?:{spelt})(?=[\s,;|]|$)".encode(), b""))
     if names:
         replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
         names = (*["time"] * arrows, *names)
-        if any(name.endswith("_x") for name in names):
-            replacements.append((rb"[,;]", b" "))
+        replacements.append((rb"[,;|](?=\s)", b""))
     return LineForms(tuple(replacements), names, units)
 
 
@@ -138,9 +142,13 @@ def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     are empty for other lines."""
     head, *pieces = re.split(f"({_LABEL})", line.strip())
     head = re.sub(r"^[A-Z]?\s*[\[(]?(\d+(?:\.\d+)?)[\])]?", r"\1", head.strip())
-    names: list[str] = []
+    names: list[tuple[str, str, str]] = []  # name, unit, and the words before the axis
     if pieces and head and not re.fullmatch(_NUMBER, head):
-        return (), ()
+        names = [("time" if is_time_of_day(word) else "(text)", "", "") for word in head.split()]
+        if "time" not in [name for name, _, _ in names]:
+            return (), ()
+        head = ""
+    sensor = ""
     for label, body in zip(["time", *pieces[::2]], [head, *pieces[1::2]], strict=True):
         values = re.findall(_VALUE, body)
         if re.sub(r"[\s,;|()\[\]{}]", "", re.sub(_VALUE, "", body)) or not all(
@@ -151,8 +159,37 @@ def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         if not pieces:
             return (), (tuple(units) if any(units) else ())
         stem = label.rstrip(" \t:=")
+        if sensor and stem in ("X", "Y", "Z", "x", "y", "z"):  # Acceleration X: 0.1, Y: 0.2, Z: 9.8
+            stem = f"{sensor}_{stem}"
+        else:
+            sensor = stem if len(values) != 1 else re.sub("[ _]?[XYZxyz]$", "", stem)
         triple = [f"{stem}_{letter}" for letter in "xyz"] if len(values) == 3 else [stem]
         if len(values) not in (0, 1, 3):
             return (), ()
-        names += [f"{name} [{unit}]" if unit else name for name, unit in zip(triple, units, strict=False)]
-    return tuple(names), ()
+        names += [(name, unit, sensor) for name, unit in zip(triple, units, strict=False)]
+    shared = {sensor: unit for _, unit, sensor in names if unit and sensor}  # the unit behind the last axis
+    stated = [(name, unit or shared.get(sensor, "")) for name, unit, sensor in names]
+    return tuple(f"{name} [{unit}]" if unit else name for name, unit in stated), ()
+
+
+def first_of_sample(lines: Sequence[str]) -> str:
+    """Return the shape of the line with which each sample begins, if labelled numbers of a sample are in several lines,
+    as examples of libraries for sensors print them; otherwise "".
+
+    >>> first_of_sample(["Gyro x: 1 y: 2", "Acc x: 3 y: 4"] * 9)
+    'Gyro x: # y: #'
+    """
+    shapes = [shape for shape in map(shape_of, lines) if shape]
+    counts = Counter(shapes)
+    first = next((shape for shape in shapes if 1.5 * counts[shape] > max(counts.values())), "")
+    places = [k for k, shape in enumerate(shapes) if shape == first]
+    periods = Counter(after - before for before, after in pairwise(places))
+    period, count = periods.most_common(1)[0] if len(places) > 8 else (1, 0)
+    cycle = shapes[places[-2] : places[-1]] if period > 1 else []
+    labelled = [re.search(r"(?<![\w-])[A-Za-z][\w ]*[:=]\s*#", shape) is not None for shape in cycle if "#" in shape]
+    return first if labelled and all(labelled) and count > 0.8 * (len(places) - 1) else ""
+
+
+def shape_of(line: str) -> str:
+    """Return a line with # in place of each number."""
+    return re.sub(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", "#", line[:_WIDTH]).strip()

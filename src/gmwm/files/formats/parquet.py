@@ -143,4 +143,5 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
             advice="Leave the column out with {--columns}, or save it as 64-bit floating-point numbers.",
         )
     numbers = series.cast(pl.Int64).fill_null(MISSING) if integer else series.cast(pl.Float64)
-    return np.ascontiguousarray(numbers.to_numpy())
+    # A view would keep the memory of the whole row group.
+    return np.array(numbers.to_numpy())

@@ -5,17 +5,18 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, ClassVar
 
 from gmwm.base.errors import ReadError
-from gmwm.files.contract import Layout, Mark, Rows, register
+from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
-from gmwm.files.formats.json_types import JsonType
+from gmwm.files.formats.json_types import JsonType, is_object
+from gmwm.files.formats.line_forms import first_of_sample, shape_of
 from gmwm.files.formats.text import Place, TextReader
 
 
@@ -26,17 +27,8 @@ class _JsonSource(ConvertedSource):
     @cached_property
     def type(self) -> JsonType:
         """The type of the first objects."""
-        import polars as pl
-
         with self.inner.open() as file:
-            head = [line for line in islice(_objects(file), 200) if _is_object(line)]
-        try:
-            return JsonType.of(head)
-        except pl.exceptions.PolarsError as error:
-            raise ReadError(
-                f"{self} is not a list of JSON objects ({str(error).splitlines()[0]})", code="no-numbers",
-                advice="Write one object for each sample, in a line of its own.",
-            ) from error  # fmt: skip
+            return JsonType.of(list(islice(self.objects(file), 200)), self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -48,16 +40,31 @@ class _JsonSource(ConvertedSource):
         file = self.inner.open()
         return io.BufferedReader(BlockStream(self._blocks(file), file), 1 << 18)
 
+    def objects(self, file: BinaryIO) -> Iterator[bytes]:
+        """Yield the objects of a file, one in each line."""
+        first = file.readline()
+        if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
+            yield first.removeprefix(b"\xef\xbb\xbf")
+            yield from (line for line in file if not line.isspace())
+            return
+        try:
+            entries = json.loads(first + file.read())
+        except (ValueError, RecursionError) as error:
+            raise ReadError(
+                f"{self} is not complete JSON ({error})", code="cut-off", advice="Copy the file again."
+            ) from error
+        yield from (json.dumps(entry).encode() for entry in entries)
+
     def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
         import polars as pl
 
-        objects = _objects(file)
+        objects = self.objects(file)
         while lines := list(islice(objects, 1 << 14)):
             try:
                 yield self._rows(lines)
-            except pl.exceptions.PolarsError:
+            except (pl.exceptions.PolarsError, pl.exceptions.PanicException):
                 for line in lines:
-                    yield self._rows([line]) if _is_object(line) else line.strip()[:60].replace(b",", b" ") + b"\n"
+                    yield self._rows([line]) if is_object(line) else line.strip()[:60].replace(b",", b" ") + b"\n"
 
     def _rows(self, lines: Sequence[bytes]) -> bytes:
         table = self.type.table(lines)
@@ -68,77 +75,50 @@ class _JsonSource(ConvertedSource):
         return table.select(self.names).write_csv(include_header=False).encode()
 
 
-def _is_object(line: bytes) -> bool:
-    try:
-        return isinstance(json.loads(line), dict)
-    except ValueError:
-        return False
+@dataclass(frozen=True)
+class _EchoSource(_JsonSource):
+    """The rows of messages that `rostopic echo` or `ros2 topic echo` printed, as text with commas."""
 
-
-def _objects(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the JSON objects of a file, one in each line."""
-    first = file.readline()
-    if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
-        yield first.removeprefix(b"\xef\xbb\xbf")
-        yield from file
-        return
-    for entry in json.loads(first + file.read()):
-        yield json.dumps(entry).encode()
+    def objects(self, file: BinaryIO) -> Iterator[bytes]:
+        """Yield the numbers in each message by their paths, as a JSON object."""
+        path: list[tuple[int, str]] = []
+        message: dict[str, str] = {}
+        for line in (raw.decode("latin-1").rstrip() for raw in chain(file, [b"---"])):
+            key, mark, value = line.partition(":")
+            indent = len(key) - len(key.lstrip())
+            path = [*((at, name) for at, name in path if at < indent), (indent, key.strip())]
+            if line == "---" and message:
+                yield f"{{{', '.join(f'{json.dumps(name)}: {number}' for name, number in message.items())}}}".encode()
+                message = {}
+            elif mark and re.fullmatch(r"\s*-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", value):
+                message[".".join(name for _, name in path)] = value
 
 
 @dataclass(frozen=True)
-class _EchoSource(ConvertedSource):
-    """The rows of messages that `rostopic echo` or `ros2 topic echo` printed, as text with commas."""
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The names of the columns."""
-        with self.inner.open() as file:
-            return tuple(_joined(next(_messages(file), {})))
+class _JoinedSource(ConvertedSource):
+    """The lines of each sample, as one line."""
 
     def open(self) -> BinaryIO:
-        """Open the rows, one for each message."""
+        """Open the joined lines."""
         file = self.inner.open()
-        rows = (",".join(_joined(message).get(name, "") for name in self.names) + "\n" for message in _messages(file))
-        return io.BufferedReader(BlockStream((row.encode() for row in rows), file), 1 << 18)
+        return io.BufferedReader(BlockStream(self._blocks(file), file), 1 << 18)
 
-
-def _messages(file: Iterable[bytes]) -> Iterator[dict[str, str]]:
-    """Yield the numbers in each message by their paths."""
-    path: list[tuple[int, str]] = []
-    message: dict[str, str] = {}
-    for raw in file:
-        line = raw.decode("latin-1").rstrip()
-        if line == "---":
-            if message:
-                yield message
-            path, message = [], {}
-            continue
-        key, mark, value = line.partition(":")
-        indent, value = len(key) - len(key.lstrip()), value.strip()
-        if not mark or key.lstrip().startswith("-"):
-            continue
-        path = [*((at, name) for at, name in path if at < indent), (indent, key.strip())]
-        if re.fullmatch(r"[-+]?[\d.]+(?:e[-+]?\d+)?|nan", value, re.IGNORECASE):
-            message[".".join(name for _, name in path)] = value
-    if message:
-        yield message
-
-
-def _joined(message: dict[str, str]) -> dict[str, str]:
-    """Return a message with the seconds and nanoseconds of its stamp as one number."""
-    out = dict(message)
-    for seconds, fraction in (("secs", "nsecs"), ("sec", "nanosec")):
-        if f"header.stamp.{fraction}" in out and f"header.stamp.{seconds}" in out:
-            whole = out.pop(f"header.stamp.{seconds}") + out.pop(f"header.stamp.{fraction}").zfill(9)
-            out = {"header.stamp": whole} | out
-    return out
+    def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
+        with self.inner.open() as begin:
+            first = first_of_sample(begin.read(HEAD_BYTES).decode("latin-1").split("\n")[:-1])
+        sample: list[bytes] = []
+        for line in file:
+            if sample and shape_of(line.decode("latin-1")) == first:
+                yield b" ".join(sample) + b"\n"
+                sample = []
+            sample += [line.strip()] if line.strip() else []
+        yield b" ".join(sample) + b"\n"
 
 
 class _RecordReader(TextReader):
     """Base class of the readers of records."""
 
-    source: ClassVar[type[_JsonSource | _EchoSource]]
+    source: ClassVar[type[ConvertedSource]]
 
     def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
         """Return the recordings in records: several if a field states the sensor of each record."""
@@ -161,7 +141,7 @@ class JsonReader(_RecordReader):
 
     name: ClassVar[str] = "json"
     extensions: ClassVar[tuple[str, ...]] = (".json", ".jsonl", ".ndjson")
-    source: ClassVar[type[_JsonSource | _EchoSource]] = _JsonSource
+    source: ClassVar[type[ConvertedSource]] = _JsonSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if the file begins with an object, or with a list of objects."""
@@ -174,8 +154,22 @@ class EchoReader(_RecordReader):
 
     name: ClassVar[str] = "echo"
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".yaml")
-    source: ClassVar[type[_JsonSource | _EchoSource]] = _EchoSource
+    source: ClassVar[type[ConvertedSource]] = _EchoSource
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 if messages with a header are separated by lines of three dashes."""
         return 0.9 if re.match(rb"(?s)\s*header:\s*\n\s+(?:seq|stamp):.*\n---\s*\n", head) else 0.0
+
+
+@register
+class LinesReader(_RecordReader):
+    """Reader of samples with labels in several lines, such as `Acceleration X: …` above `Rotation X: …`."""
+
+    name: ClassVar[str] = "lines"
+    extensions: ClassVar[tuple[str, ...]] = (".txt", ".log")
+    source: ClassVar[type[ConvertedSource]] = _JoinedSource
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0.6, a little more than for other text, if a sample has several lines with labels."""
+        text = b"\0" not in head and b":" in head and bool(first_of_sample(head.decode("latin-1").split("\n")[:-1]))
+        return 0.6 if text else 0.0

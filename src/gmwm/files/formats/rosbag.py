@@ -307,7 +307,7 @@ def _type(topic: Topic, storages: Sequence[Storage]) -> Definition | JsonType | 
     """Return the type of the messages of a topic; None if it is not known. JSON messages state it by themselves."""
     if topic.encoding != "json":
         return definition(topic)
-    return next((JsonType.of(messages[:64]) for _, messages in _batches(storages, topic)), None)
+    return next((JsonType.of(messages[:64], topic.name) for _, messages in _batches(storages, topic)), None)
 
 
 def _imu_layout(

@@ -39,24 +39,25 @@ _STEEPEST = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Follows:
-    """Link of a term, with z = a + b u, and the condition u of each curve, scaled to −1 … 1."""
+    """Link of a term, with z = a + b u, and the conditions u (S, J, K) of the parts of each curve, scaled to −1 … 1."""
 
     link: Link
     a: float
     b: float
-    u: Vector
+    u: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
     """Measured curves of all conditions, one after another, and a model. `factors` has, for the index of each process
-    that varies, the values φ_m(c_s) of its functions at the conditions, and `follows` the link of each process whose
-    shape follows the condition. `whole`, if any, is the curve of a recording in which the conditions are bins with the
-    shares `shares`; its levels above those of the curves come last."""
+    that varies, the means (m, S, J, K) of its functions φ_m over K equal parts of each level of each curve, and
+    `follows` the link of each process whose shape follows the condition. J = 1 if all levels have the same parts.
+    `whole`, if any, is the curve of a recording in which the conditions are bins with the shares `shares`; its levels
+    above those of the curves come last."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
-    factors: Mapping[int, Matrix]
+    factors: Mapping[int, NDArray[np.float64]]
     follows: Mapping[int, Follows] = field(default_factory=dict)
     whole: WaveletVariance | None = None
     shares: Vector = field(default_factory=lambda: np.zeros(0))
@@ -95,31 +96,31 @@ class Stack:
         linear, _, _ = by_kind(self.model)
         return [(place, m) for place in linear for m in range(len(self.factors.get(place, [0])))]
 
-    def process(self, place: int, s: int) -> Process:
-        """Return a process with the shape that it has at condition s."""
-        follow = self.follows.get(place)
-        process = self.model.processes[place]
-        return process if follow is None else follow.link.at(process, follow.a + follow.b * float(follow.u[s]))
-
-    def factor(self, place: int, m: int, s: int) -> float:
-        """Return the value of the function φ_m of a process at condition s."""
-        phi = self.factors.get(place)
-        return 1.0 if phi is None else float(phi[m, s])
-
     @cached_property
     def shapes(self) -> Matrix:
-        """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies."""
+        """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies: means over the parts
+        of each curve."""
 
-        def shape(place: int, m: int) -> Vector:
-            return self.each(lambda s, wv: self.factor(place, m, s) * unit_shape(
-                self.process(place, s), wv.levels, wv.rate, find_filter(wv.filter)))  # fmt: skip
+        def shape(place: int, m: int, s: int, wv: WaveletVariance) -> Vector:
+            process, filter = self.model.processes[place], find_filter(wv.filter)
+            follow, weights = self.follows.get(place), np.ones((1, 1))
+            if place in self.factors:
+                phi = self.factors[place][m, s]
+                weights = phi[_parts_of(wv, len(phi))]
+            if follow is None:
+                return np.asarray(np.mean(weights, axis=1) * unit_shape(process, wv.levels, wv.rate, filter))
+            u = follow.u[s]
+            theta = follow.link.values(process, follow.a + follow.b * u.reshape(-1, 1))
+            values = process.moments(theta, wv.levels, wv.rate, filter).reshape(*u.shape, len(wv))
+            return np.asarray(np.mean(weights * values[_parts_of(wv, len(u)), :, np.arange(len(wv))], axis=1))
 
-        return np.array([shape(place, m) for place, m in self.rows]).reshape(len(self.rows), self.levels.size)
+        rows = [self.each(partial(shape, place, m)) for place, m in self.rows]
+        return np.array(rows).reshape(len(self.rows), self.levels.size)
 
     def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
         first = self.curves[0]
-        _, shaped, held = by_kind(self.model)
+        _, shaped, _ = by_kind(self.model)
         curved, free = divide_shaped(self.model, shaped)
         if free:
             raise ModelError(
@@ -133,11 +134,7 @@ class Stack:
                 f"{self.model} has {count} free parameters at {self.levels.size} levels of all conditions",
                 advice="Free a parameter." if count == 0 else "Record longer, or use a smaller model.",
             )
-        offset = np.zeros(self.levels.size)
-        for place in held:
-            process = self.model.processes[place]
-            offset += self.each(partial(_curve, process))
-        observed = self.observed - offset
+        observed = self.observed - self.offset
         weights = Weights(matrix)
         unit, target = weigh(observed, weights)
         return Problem(
@@ -146,55 +143,72 @@ class Stack:
             target=target, linear=tuple(range(len(self.rows))), curved=curved, free=(), shapes=self.shapes,
         )  # fmt: skip
 
+    @property
+    def offset(self) -> Vector:
+        """Wavelet variances of the processes without a free parameter, at all levels."""
+        _, _, held = by_kind(self.model)
+        curves = [self.each(partial(_curve, self.model.processes[place])) for place in held]
+        return np.sum(curves, axis=0) if curves else np.zeros(self.levels.size)
+
+    def parts(self, solution: Solution) -> list[list[Model]]:
+        """Return, for each part of each curve, the model with the values of a solution."""
+        arrays = [*self.factors.values(), *(follow.u for follow in self.follows.values())]
+        count = max((array.shape[-1] for array in arrays), default=1)
+        return [[self._model(solution, s, slice(k, k + 1)) for k in range(count)] for s in range(len(self.curves))]
+
     def models(self, solution: Solution) -> tuple[Model, ...]:
         """Return, for each condition, the model with the values of a solution."""
+        return tuple(self._model(solution, s, slice(None)) for s in range(len(self.curves)))
+
+    def _model(self, solution: Solution, s: int, part: slice) -> Model:
+        """Return the model at the mean condition of parts of a curve."""
         _, shaped, _ = by_kind(self.model)
-        models = []
-        for s in range(len(self.curves)):
-            processes = [self.process(place, s) for place in range(len(self.model.processes))]
-            scales: dict[int, float] = {}
-            for (place, m), scale in zip(self.rows, solution.scales.tolist(), strict=True):
-                scales[place] = scales.get(place, 0.0) + scale * self.factor(place, m, s)
-            for place, term in zip(shaped, solution.terms, strict=True):
-                names = [p.name for p in processes[place].nonlinear_parameters()]
-                processes[place] = processes[place].with_values(**dict(zip(names, term.values, strict=True)))
-                scales[place] = term.scale
-            for place, scale in scales.items():
-                name = processes[place].scale_parameter().name
-                processes[place] = processes[place].with_values(**{name: processes[place].value_from(scale)})
-            models.append(Model(tuple(processes)))
-        return tuple(models)
+        processes = list(self.model.processes)
+        for place, follow in self.follows.items():
+            z = follow.a + follow.b * float(np.mean(follow.u[s, 0, part]))
+            processes[place] = follow.link.at(processes[place], z)
+        scales: dict[int, float] = {}
+        for (place, m), scale in zip(self.rows, solution.scales.tolist(), strict=True):
+            mean = float(np.mean(self.factors[place][m, s, 0, part])) if place in self.factors else 1.0
+            scales[place] = scales.get(place, 0.0) + scale * mean
+        for place, term in zip(shaped, solution.terms, strict=True):
+            names = [p.name for p in processes[place].nonlinear_parameters()]
+            processes[place] = processes[place].with_values(**dict(zip(names, term.values, strict=True)))
+            scales[place] = term.scale
+        for place, scale in scales.items():
+            name = processes[place].scale_parameter().name
+            processes[place] = processes[place].with_values(**{name: processes[place].value_from(scale)})
+        return Model(tuple(processes))
 
-    def implied(self, models: tuple[Model, ...]) -> Vector:
-        """Return the wavelet variances that the models of the conditions imply, one after another."""
-        return self.each(lambda s, wv: models[s].wavelet_variance(wv.levels, wv.rate, wv.filter))
+    def implied(self, solution: Solution) -> Vector:
+        """Return the wavelet variances that a solution implies, one condition after another."""
+        curve = self.offset + solution.scales @ self.shapes
+        _, shaped, _ = by_kind(self.model)
+        for place, term in zip(shaped, solution.terms, strict=True):
+            curve += term.scale * self.each(partial(_shape, self.model.processes[place], np.array([term.values])))
+        return np.asarray(curve)
 
-    def covariance(self, models: tuple[Model, ...]) -> Matrix:
-        """Return the covariance V of all measured curves, which are independent of each other. A level of the whole
-        recording has the same covariance with a level in each bin as in the recording."""
-        blocks = [covariance(m, Design.of(wv)) for m, wv in zip(models, self.curves, strict=True)]
+    def covariance(self, solution: Solution) -> Matrix:
+        """Return the covariance V of all measured curves, which are independent of each other. V is the mean over the
+        parts, because the squares of their variances count, and not the square of the mean. A level of the whole
+        recording has the same covariance with a level in a bin as in a recording at the conditions of the bin."""
+        parts = self.parts(solution)
+        result = _blocks(_mean_covariance(models, wv) for models, wv in zip(parts, self.curves, strict=True))
         if self.whole is None or self.coarse is None:
-            return _blocks(blocks)
-        middle = models[len(models) // 2]
-        design = Design.of(self.whole)
-        variances = [m.wavelet_variance(design.levels, design.rate, design.filter) for m in models]
-        curve = np.asarray(self.shares @ np.array(variances))
-        ratio = curve / middle.wavelet_variance(design.levels, design.rate, design.filter)
-        together = covariance(middle, design) * np.outer(ratio, ratio)
-        above = design.levels > len(self.curves[0])
-        result = _blocks([*blocks, together[np.ix_(above, above)]])
-        first = -int(np.count_nonzero(above))
-        for k, (m, wv) in enumerate(zip(models, self.curves, strict=True)):
-            local = m.wavelet_variance(wv.levels, wv.rate, wv.filter) / curve[: len(wv)]
-            rows = slice(k * len(wv), (k + 1) * len(wv))
-            result[rows, first:] = local[:, None] * together[: len(wv)][:, above]
-            result[first:, rows] = result[rows, first:].T
-        return result
+            return result
+        above = self.whole.levels > len(self.curves[0])
+        joint = np.array([_mean_covariance(models, self.whole) for models in parts])
+        beside = np.concatenate(joint[:, ~above][:, :, above])
+        return np.block([[result, beside], [beside.T, np.tensordot(self.shares, joint[:, above][:, :, above], 1)]])
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
         """Return the weighting matrix Ω of all curves that the models of the conditions imply."""
-        curves = zip((*models, models[len(models) // 2]), (*self.curves, *filter(None, [self.coarse])), strict=False)
-        return _blocks(implied_weights(weighting, m, Design.of(wv), wv.variance) for m, wv in curves)
+        blocks = [implied_weights(weighting, m, Design.of(wv), wv.variance)
+                  for m, wv in zip(models, self.curves, strict=True)]  # fmt: skip
+        if (coarse := self.coarse) is not None:
+            each = [implied_weights(weighting, m, Design.of(coarse)) for m in models]
+            blocks.append(np.linalg.inv(np.tensordot(self.shares, np.linalg.inv(each), 1)))
+        return _blocks(blocks)
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
         """Return the names and the columns of the derivatives of the curves: ∂ν²/∂s for the linear coefficients s, then
@@ -226,12 +240,16 @@ class Stack:
 
 @dataclass(frozen=True, eq=False)
 class SolvedStack:
-    """Solution of a stack with its final weights, and the fitted model of each condition."""
+    """Solution of a stack with its final weights, and its covariance V."""
 
     stack: Stack
     problem: Problem
     solution: Solution
-    models: tuple[Model, ...]
+
+    @cached_property
+    def covariance(self) -> Matrix:
+        """Covariance V of all measured curves under the solution."""
+        return self.stack.covariance(self.solution)
 
 
 def _curve(process: Process, _: int, wv: WaveletVariance) -> Vector:
@@ -250,9 +268,19 @@ def _shape_slope(process: Process, theta: Matrix, k: int, _: int, wv: WaveletVar
     return np.asarray(process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k])
 
 
-def _condition(u: Vector, s: int, wv: WaveletVariance) -> Vector:
-    """Return the condition u of curve s at each of its levels."""
-    return np.full(len(wv), u[s])
+def _condition(u: NDArray[np.float64], s: int, wv: WaveletVariance) -> Vector:
+    """Return the mean condition u of curve s at each of its levels."""
+    return np.asarray(np.mean(u[s], axis=1)[_parts_of(wv, u.shape[1])])
+
+
+def _parts_of(wv: WaveletVariance, count: int) -> NDArray[np.int64]:
+    """Return the index of the parts of each level of a curve: those of level 1 above the last of `count` levels."""
+    return np.where(wv.levels <= count, wv.levels - 1, 0)
+
+
+def _mean_covariance(models: list[Model], wv: WaveletVariance) -> Matrix:
+    """Return the mean of the covariances of a curve under the models of its parts."""
+    return np.asarray(np.mean([covariance(model, Design.of(wv)) for model in models], axis=0))
 
 
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
@@ -270,9 +298,9 @@ def fit_conditions(
     `gmwm.fit`."""
     functions, links, name = parse_varies(varies)
     _check(model, curves, functions, links)
-    conditions = [np.array([c]) for c in curves] if bins is None else list(bins.conditions)
-    factors = {model.terms.index(term): each.means(conditions, term) for term, each in functions.items()}
-    u, middle, half = _scaled(np.array(list(curves)))
+    parts = np.array(list(curves)).reshape(-1, 1, 1, 1) if bins is None else bins.parts
+    factors = {model.terms.index(term): each.means(parts, term) for term, each in functions.items()}
+    u, middle, half = _scaled(np.mean(parts, axis=-1))
     follows = {model.terms.index(term): Follows(link, 0.0, 0.0, u) for term, link in links.items()}
     stack = Stack(model, tuple(curves.values()), factors)
     if bins is not None:
@@ -285,15 +313,15 @@ def fit_conditions(
         estimates |= _link_estimates(model.terms[place], follow, solved, middle=middle, half=half)
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
-        models=dict(zip(curves, solved.models, strict=True)), estimates=estimates,
+        models=dict(zip(curves, solved.stack.models(solved.solution), strict=True)), estimates=estimates,
         objective=solved.solution.objective, lower_bound=solved.solution.lower_bound, weighting=weighting,
         statistic=statistic, df=df, pvalue=pvalue, pvalue_constant=change,
         whole=solved.stack.coarse, shares=tuple(stack.shares.tolist()),
-        range=(min(float(np.min(c)) for c in conditions), max(float(np.max(c)) for c in conditions)),
+        range=(min(curves), max(curves)) if bins is None else bins.range,
     )  # fmt: skip
 
 
-def _scaled(conditions: Vector) -> tuple[Vector, float, float]:
+def _scaled(conditions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
     """Return the conditions scaled to −1 … 1, the middle of their range, and half of it."""
     low, high = float(np.min(conditions)), float(np.max(conditions))
     middle, half = (low + high) / 2, (high - low) / 2
@@ -352,18 +380,18 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
     problem = stack.pose(matrix)
     solution = solve(problem, certify=False, quick=True)
     models = stack.models(solution)
-    before = stack.implied(models)
+    before = stack.implied(solution)
     for _ in range(100):
         problem = problem.under(stack.weights(weighting, models))
         solution = resume(problem, solution)
         models = stack.models(solution)
-        after = stack.implied(models)
+        after = stack.implied(solution)
         # Relative change of the fitted curves below which the iteration of estimate and weights ends.
         if np.max(np.abs(after - before) / np.maximum(after, before)) < 1e-9:
             break
         before = after
     solution = solve(problem, certify=certify and not stack.follows, near=solution)
-    return SolvedStack(stack, problem, solution, stack.models(solution))
+    return SolvedStack(stack, problem, solution)
 
 
 def _search(stack: Stack, matrix: Matrix) -> Stack:
@@ -397,7 +425,7 @@ def _link_estimates(
 ) -> dict[str, Estimate]:  # fmt: skip
     """Return the coefficients a and b of a link per unit of the condition, with standard errors."""
     names, columns = solved.stack.slopes(solved.solution)
-    spread = relative_covariance(columns, solved.problem.matrix, solved.stack.covariance(solved.models))
+    spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
     places = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
     turn = np.array([[1.0, -middle / half], [0.0, 1 / half]])
     values = turn @ [follow.a, follow.b]
@@ -413,7 +441,7 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
     """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
-    spread = relative_covariance(columns, solved.problem.matrix, stack.covariance(solved.models))
+    spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
     errors = np.sqrt(np.diag(spread))
     _, shaped, _ = by_kind(stack.model)
     terms: dict[int, FittedTerm] = dict(zip(shaped, solution.terms, strict=True))
@@ -490,7 +518,7 @@ def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, 
     """Return the weighted sum of squares of the residuals that the derivatives and the columns `further` do not
     explain, and the rank of these columns."""
     stack = solved.stack
-    root = square_root(precision(stack.covariance(solved.models)))
+    root = square_root(precision(solved.covariance))
     _, columns = stack.slopes(solved.solution)
     columns = columns if further is None else np.column_stack([columns, further])
-    return square_of_rest(root @ (stack.observed - stack.implied(solved.models)), root @ columns)
+    return square_of_rest(root @ (stack.observed - stack.implied(solved.solution)), root @ columns)

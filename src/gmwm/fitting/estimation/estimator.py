@@ -23,6 +23,7 @@ from gmwm.fitting.estimation.solver import final, solve, solve_sampled
 from gmwm.fitting.estimation.starts import Sampled
 from gmwm.fitting.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
 from gmwm.measuring.axis_results import ResultsByAxis, signals_of
+from gmwm.measuring.covariance.tails import with_tails
 from gmwm.measuring.regression.against import Against, Asked
 from gmwm.measuring.regression.api import regressed_variance
 from gmwm.measuring.variance.api import wavelet_variance
@@ -306,7 +307,10 @@ def measure(
     option contradicts the data."""
     conditions = Asked.of(against)
     if conditions.terms and moments != "haar":
-        raise OptionError(argument="moments", expected="'haar' together with against", got=moments)
+        raise OptionError(
+            argument="moments", expected="'haar' together with against", got=moments,
+            advice="Use `fit_ml(…, against=…)`, which has the errors of maximum likelihood, or leave {--moments} out.",
+        )  # fmt: skip
     several = _several(data)
     if several is None:
         return _measure(cast("Curve", data), rate, robust, efficiency, asked=conditions, moments=moments)
@@ -349,6 +353,7 @@ def _measure(
     else:
         signal = data if isinstance(data, Signal) else as_vector(data, "x")
         wv = wavelet_variance(signal, rate, filter=moments, robust=robust, efficiency=efficiency)
+        wv = with_tails(wv, signal if isinstance(signal, Signal) else Signal(signal, wv.rate))
     if not np.any(wv.variance > 0):
         raise ModelError(
             "the signal is constant: its wavelet variance is zero at every level",

@@ -262,9 +262,12 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
         wv.levels, wv.rate, wv.filter
     )
     seen = (shape > 0) & (wv.variance > 0)
-    _, ceiling = chi_square_limits(wv.variance, wv.degrees_of_freedom, 1 - (1 - level) / len(wv))
-    largest = float(np.min(ceiling[seen] / shape[seen]))
+    # Heavy tails and outliers that a robust curve keeps are fewer degrees of freedom.
+    freedom = 1 / (1 / wv.degrees_of_freedom + (0.0 if wv.excess is None else np.diag(wv.excess) / 2))
+    _, ceiling = chi_square_limits(wv.variance, freedom, 1 - (1 - level) / len(wv))
     estimate = process.scale
+    # A curve far below a model that does not fit must not put the limit below the estimate.
+    largest = max(float(np.min(ceiling[seen] / shape[seen])), estimate)
     # Start from a scale that contributes at most 0.1 % of the fitted curve.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
     power, spread = parameter.scale_power or 1.0, _added_error(fit, name)

@@ -146,6 +146,13 @@ class Distance:
 
         return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
+    @property
+    def pvalue(self) -> float:
+        """p-value of the chi-square test; 1 without degrees of freedom."""
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
+
     def statistic(self, error: float) -> float:
         """Compute the chi-square statistic of the residuals that the parameters do not explain, for a relative model
         error."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
@@ -23,24 +24,37 @@ from gmwm.recording.signals import Signal
 
 BINS = 8
 """Number of bins with equal numbers of samples. A correlation time that changes by a factor of 10 changes by 1.3 in a
-bin, and its curve differs by less than 1 % from that at the mean condition (tests/estimation/test_moving.py)."""
+bin (tests/estimation/test_moving.py)."""
+PARTS = 4
+"""Number of parts of a bin over which the curve of the model is averaged. The outer bins of an irregular condition are
+wide: the curve at the mean condition may differ from the mean by 2 %, that of four parts by less than 0.6 %
+(tests/estimation/test_moving.py)."""
+PART_QUANTILES = 16
+"""Number of conditions that represent a part of a bin."""
 SHORTEST = 16
 """Number of samples over which the condition is averaged before it is assigned to a bin."""
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionBins:
-    """Curves of a recording whose condition moves. `conditions` holds the conditions of the samples of each bin, and
-    `whole` the curve of the whole recording at all levels, of which those above the bins are used."""
+    """Curves of a recording whose condition moves. `conditions` holds the conditions of the samples of each bin,
+    `parts` (bins, levels, 4, 16) those of the coefficients of each level in ascending order, and `whole` the curve of
+    the whole recording at all levels, of which those above the bins are used."""
 
     curves: tuple[WaveletVariance, ...]
     conditions: tuple[Vector, ...]
+    parts: NDArray[np.float64]
     whole: WaveletVariance
 
     @property
     def levels(self) -> int:
         """Number of levels that are measured in the bins."""
         return len(self.curves[0])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest condition."""
+        return min(float(np.min(c)) for c in self.conditions), max(float(np.max(c)) for c in self.conditions)
 
     @property
     def shares(self) -> Vector:
@@ -74,8 +88,8 @@ def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: floa
     term, covariates, values = condition_of(signal, condition)
     residual = without(signal, regress(signal, covariates), covariates)
     whole = wavelet_variance(residual, robust=robust, efficiency=efficiency)
-    curves, conditions = [], []
-    for runs in _runs(signal, values):
+    curves, conditions, bins = [], [], _runs(signal, values)
+    for runs in bins:
         chosen = np.concatenate([np.arange(a, b) for a, b in runs])
         ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
         part = Signal(residual.values[chosen], signal.rate, signal.unit, signal.axis, segments=list(pairwise(ends)))
@@ -93,7 +107,25 @@ def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: floa
             f"{term.name} changes too quickly: it leaves each of {BINS} bins within a few samples", argument="against",
             advice="Record slower changes, or recordings at constant conditions.",
         )  # fmt: skip
-    return term.name, ConditionBins(tuple(wv.first(levels) for wv in curves), tuple(conditions), whole)
+    parts = np.array([[_quantiles(values, runs, 1 << j) for j in range(1, levels + 1)] for runs in bins])
+    return term.name, ConditionBins(tuple(wv.first(levels) for wv in curves), tuple(conditions), parts, whole)
+
+
+def _quantiles(values: Vector, runs: list[tuple[int, int]], width: int) -> NDArray[np.float64]:
+    """Return quantiles (4, 16) of the conditions of the coefficients of `width` samples in the runs of a bin. Each
+    sample counts as often as coefficients contain it. Long coefficients are in long stays only, which are the further
+    inside of a bin the longer they are."""
+    long = [(a, b) for a, b in runs if b - a >= width]
+    conditions = np.concatenate([values[a:b] for a, b in long])
+    weights = []
+    for a, b in long:
+        place = np.arange(1, b - a + 1)
+        weights.append(np.minimum(np.minimum(place, place[::-1]), min(width, b - a - width + 1)))
+    order = np.argsort(conditions)
+    cumulative = np.cumsum(np.concatenate(weights)[order])
+    count = PARTS * PART_QUANTILES
+    place = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count * cumulative[-1])
+    return np.asarray(conditions[order[place]].reshape(PARTS, PART_QUANTILES))
 
 
 def _runs(signal: Signal, values: Vector) -> list[list[tuple[int, int]]]:

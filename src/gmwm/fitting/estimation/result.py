@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
     from gmwm.applications.navigation import Budget
-    from gmwm.choosing.datasheets.sheet import Datasheet
+    from gmwm.choosing.datasheets.entry import Datasheet
     from gmwm.choosing.replicates import Replicates
 
 GIVEN = "given"
@@ -252,7 +252,7 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         >>> found.differs, found["N"].apart < 0.05
         (False, True)
         """
-        from gmwm.choosing.replicates.compare import compare_recordings
+        from gmwm.choosing.replicates.result import compare_recordings
 
         return compare_recordings(self)
 

@@ -193,12 +193,14 @@ def summary(
     -------
     str
         Text with the model, the data, the objective with its bounds, the goodness-of-fit test, a table of the
-        parameters, and the remarks. Raises OptionError if an option is unknown or out of range.
+        parameters, the regression on conditions, and the remarks. Raises OptionError if an option is unknown or out of
+        range.
     """
     how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
     lines = [*head(fit, how), "", *table_text(table, level)]
+    lines += [] if fit.regression is None else ["", fit.regression.summary()]
     words = texts(without_axis(missing, *fit.diagnostics.remarks))
     return "\n".join([*lines, "", *words] if words else lines)
 

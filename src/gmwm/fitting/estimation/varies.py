@@ -4,12 +4,13 @@ shape by a link such as β = exp(a + b rate)."""
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import fixed
@@ -65,25 +66,26 @@ class Varies:
             raise OptionError(argument="varies", expected=_EXPECTED, got=text)
         return cls(next(iter(names), ""), tuple(functions))
 
-    def means(self, conditions: Sequence[Vector], term: str) -> Matrix:
-        """Return the means of the functions φ_m (m, s) over the conditions of each of s recordings; raises ModelError
-        if one is negative, or if the recordings cannot separate them."""
-        for function in self.functions:
-            for values in conditions:
-                if np.any(negative := function.of(values) < 0):
-                    raise ModelError(
-                        f"{term} varies with {function.text}, which is negative at {values[np.argmax(negative)]:g}",
-                        advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
-                    )
-        rows = np.array([[float(np.mean(function.of(c))) for c in conditions] for function in self.functions])
+    def means(self, conditions: NDArray[np.float64], term: str) -> NDArray[np.float64]:
+        """Return the means (m, S, …) of the functions φ_m over the last axis of the conditions (S, …) of S recordings;
+        raises ModelError if a function is negative, or if the recordings cannot separate the functions."""
+        values = np.array([function.of(conditions) for function in self.functions])
+        for function, row in zip(self.functions, values, strict=True):
+            if np.any(row < 0):
+                raise ModelError(
+                    f"{term} varies with {function.text}, which is negative at {conditions[row < 0][0]:g}",
+                    advice="Use an even power, abs(…) or hats(…), so that variances cannot be negative.",
+                )
+        places = np.mean(conditions.reshape(len(conditions), -1), axis=1)
+        rows = np.mean(values.reshape(len(values), len(places), -1), axis=2)
         scale = np.max(rows, axis=1, keepdims=True)
         if np.linalg.matrix_rank(rows / np.where(scale > 0, scale, 1.0), tol=1e-6) < len(rows):
             raise ModelError(
                 f"{len(rows)} functions of {term} cannot be separated at the conditions "
-                f"{', '.join(f'{np.mean(c):g}' for c in conditions)}",
+                f"{', '.join(f'{place:g}' for place in places)}",
                 advice="Use more conditions, or fewer functions.",
             )
-        return rows
+        return np.asarray(np.mean(values, axis=-1))
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,11 @@ class Link:
 
     def at(self, process: Process, z: float) -> Process:
         """Return a process with the parameter held at z = a + b c."""
-        parameter = next(p for p in process.parameters if p.name == self.name)
-        return process.with_values(**{self.name: fixed(float(parameter.at_coordinate(np.array([z]))[0]))})
+        return process.with_values(**{self.name: fixed(float(self.values(process, np.array([z]))[0]))})
+
+    def values(self, process: Process, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the values of the parameter at z = a + b c."""
+        return next(p for p in process.parameters if p.name == self.name).at_coordinate(z)
 
     def limits(self, process: Process, samples: int, rate: float) -> tuple[float, float]:
         """Return the ends of the search of a: correlation times from two samples to the recording."""

@@ -180,7 +180,7 @@ def _table(process: Process, design: Design, diagonal: bool) -> _core.LagTable:
     return _shape_table(shape, every if every[: len(levels)] == levels else levels, design.samples, diagonal)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def _shape_table(
     shape: tuple[type[Process], tuple[float, ...], float], levels: tuple[int, ...], samples: int, diagonal: bool
 ) -> _core.LagTable:

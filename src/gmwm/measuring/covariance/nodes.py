@@ -21,8 +21,8 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import WANDERING, LagGrid
 
-MOST_NODES = 800_000
-"""Largest number of nodes that are cached together, which take 28 MB. For 19 levels without a memory, these are 4 to 30
+MOST_NODES = 400_000
+"""Largest number of nodes that are cached together, which take 14 MB. For 19 levels without a memory, these are 2 to 15
 sets."""
 SLOWEST_DECAYS = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The

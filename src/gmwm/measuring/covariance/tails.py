@@ -34,6 +34,8 @@ class TailLimits:
 
     block: int = 128
     """Number of samples of the shortest blocks."""
+    block_of_short: int = 32
+    """Number of samples of the shortest blocks of a recording with fewer than 48 blocks of the usual size."""
     least_block_in_scales: int = 8
     """Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
     correlated."""
@@ -68,9 +70,10 @@ class TailSums:
     memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
     samples."""
 
-    def __init__(self) -> None:
+    def __init__(self, block: int = LIMITS.block) -> None:
         self._panels = Panels(LEAST_PANEL_SAMPLES)
-        sizes = int(np.log2(LEAST_PANEL_SAMPLES // LIMITS.block)) + 1
+        self._block = block
+        sizes = int(np.log2(LEAST_PANEL_SAMPLES // block)) + 1
         # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
         self._number = np.zeros((sizes, LIMITS.most_levels))
         self._sum = np.zeros((sizes, LIMITS.most_levels))
@@ -120,12 +123,12 @@ class TailSums:
         return np.asarray(widened * np.outer(found, found) / wv.samples)
 
     def _add(self, panel: Vector) -> None:
-        levels = min(LIMITS.most_levels, int(np.log2(max(panel.size // LIMITS.block, 1))))
-        count = (panel.size - (1 << levels)) // LIMITS.block
+        levels = min(LIMITS.most_levels, int(np.log2(max(panel.size // self._block, 1))))
+        count = (panel.size - (1 << levels)) // self._block
         if levels < 1 or count < 1:
             return
-        y = _block_means(panel, levels, count)
-        if count == (LEAST_PANEL_SAMPLES - (1 << LIMITS.most_levels)) // LIMITS.block:
+        y = _block_means(panel, self._block, levels, count)
+        if count == (LEAST_PANEL_SAMPLES - (1 << LIMITS.most_levels)) // self._block:
             self._whole.append(y.mean(axis=0))
         for size in range(self._sum.shape[0]):
             self._number[size, :levels] += y.shape[0]
@@ -148,7 +151,7 @@ class TailSums:
             pairs = np.minimum.outer(number[size], number[size])
             own = self._sum[size] / number[size]
             covariance = self._product[size] / pairs - np.outer(own, own)
-            out.append((LIMITS.block << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
+            out.append((self._block << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
         y = np.array(self._whole).reshape(-1, LIMITS.most_levels)
         block = LEAST_PANEL_SAMPLES
         while y.shape[0] >= LIMITS.least_blocks:
@@ -160,19 +163,29 @@ class TailSums:
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
 
-    `wv` is the classical Haar wavelet variance of the signal. E = c l lᵀ, with a size c and a loading l_j of each
-    level; see the module docstring. The result is None if a Gaussian signal explains the covariance.
+    `wv` is the classical Haar wavelet variance of the signal, with moments at lags or without. E = c l lᵀ, with a size
+    c and a loading l_j of each level; see the module docstring. A lag has the loading of level 1. The result is None if
+    a Gaussian signal explains the covariance.
 
     >>> from gmwm import wavelet_variance
     >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
     >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
     True
     """
-    sums = TailSums()
+    short = wv.samples < 2 * LIMITS.least_blocks * LIMITS.block
+    sums = TailSums(LIMITS.block_of_short if short else LIMITS.block)
     for segment in x.segment_values():
         sums.update(segment)
         sums.gap()
-    return sums.excess(wv)
+    haar = wv.without_lags
+    excess, places = sums.excess(haar), np.searchsorted(haar.levels, np.maximum(wv.levels, 1))
+    return None if excess is None else excess[np.ix_(places, places)]
+
+
+def with_tails(wv: WaveletVariance, x: Signal) -> WaveletVariance:
+    """Return the curve of a signal with the covariance of heavy tails if it has moments at lags, which are for time
+    series with errors of any law. `calibrate` adds it to wavelet variances, from sums of the inspection."""
+    return wv if wv.without_lags is wv else replace(wv, excess=excess_covariance(x, wv))
 
 
 def _shapes(wv: WaveletVariance) -> Matrix:
@@ -197,11 +210,11 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
     return np.asarray(size * shapes[best]), float(ratios[best])
 
 
-def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
+def _block_means(panel: Vector, block: int, levels: int, count: int) -> Matrix:
     """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
     # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
     y = np.empty((count, levels))
-    _core.haar_block_squares(_core.running_sum(panel), LIMITS.block, y)
+    _core.haar_block_squares(_core.running_sum(panel), block, y)
     return y
 
 

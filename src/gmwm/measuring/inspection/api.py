@@ -356,7 +356,7 @@ def _without_steps(
     means: list[tuple[int, Vector]], steps: Sequence[Step], axis: str, length: int
 ) -> list[tuple[int, Vector]]:
     """Return block means of an axis without its jumps."""
-    jumps = [step for step in steps if step.axis == axis]
+    jumps = [step for step in steps if step.axis == axis and not step.possible]
     if not jumps:
         return means
     return [

@@ -110,7 +110,8 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
     for axis in dict.fromkeys(step.axis for step in steps):
         jumps = [step for step in steps if step.axis == axis and not step.at_gap]
         if jumps:
-            yield Remark.of("level-steps", axis, count=len(jumps), first=Quantity(jumps[0].time, "s"))
+            case = "possible" if all(step.possible for step in jumps) else "clear"
+            yield Remark.of("level-steps", axis, case=case, count=len(jumps), first=Quantity(jumps[0].time, "s"))
         restarts = [step for step in steps if step.axis == axis and step.at_gap]
         if restarts:
             first = Quantity(restarts[0].time, "s")

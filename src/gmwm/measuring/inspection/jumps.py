@@ -20,15 +20,25 @@ from gmwm.measuring.inspection.wander import Likelihood
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
 
-_GAIN = 21.0
-"""Reduction of −2 log L by a jump above which it is not chance. White noise, random walks, flicker noise and
-Gauss-Markov processes exceed it in fewer than 1 of 200 recordings (validation/study_faults.py)."""
+
+class _JumpLimits(NamedTuple):
+    """Smallest reduction of −2 log L by the clearest jump and by each further one, and smallest ratio of K with the
+    jumps, as if they were noise, to the upper 95 % limit of K without them."""
+
+    gain: float
+    more: float
+    matters: float
+
+
+_CLEAR = _JumpLimits(21.0, 21.0, 1.35)
+"""Limits of jumps that are subtracted. White noise, random walks, flicker noise and Gauss-Markov processes exceed the
+gain in fewer than 1 of 200 recordings; the jumps of seven accelerometer axes at rest have ratios of 0.8 to 1.25
+(validation/study_faults.py)."""
+_POSSIBLE = _JumpLimits(16.0, 11.0, 1.2)
+"""Limits of jumps that may be part of a random walk, so that K is a bound (tests/test_inspection_faults.py)."""
 _MORE = 16.0
 """Additional reduction for each further jump, if several are found together: that of a place among 256 blocks, 11, and
 of a size, with a margin (validation/study_faults.py)."""
-_MATTERS = 1.35
-"""Smallest ratio of K with the jumps, as if they were noise, to the upper 95 % limit of K without them, at which jumps
-are a fault. The jumps of seven accelerometer axes at rest have 0.8 to 1.25 (validation/study_faults.py)."""
 _FIRST = 3
 """Blocks at the beginning and the end in which a change is treated as a warm-up."""
 MOST = 10
@@ -36,11 +46,13 @@ MOST = 10
 
 
 class _Jump(NamedTuple):
-    """A jump between or in the middle of blocks: its place (blocks), its size, and the reduction of −2 log L."""
+    """A jump between or in the middle of blocks: its place (blocks), its size, the reduction of −2 log L, and whether
+    it may be part of a random walk."""
 
     place: float
     size: float
     gain: float
+    possible: bool
 
 
 def jumps_of(
@@ -51,7 +63,7 @@ def jumps_of(
     The means of about 256 blocks are described by noise alone, and by noise and a jump at any place, as `trend_of` does
     for trends. The likelihood weights all time scales, so no block length has to be chosen. The clearest jump is
     subtracted, and the search is repeated. A change that a trend or a sinusoid describes better is not a jump.
-    Jumps that fit to the random walk of the axis are part of its noise.
+    Jumps that fit to the random walk of the axis are part of its noise. Less clear ones that raise K are `possible`.
 
     `means` has the first sample and the block means of each segment, and `values(first, last)` returns a range of
     samples, to locate the jump.
@@ -74,7 +86,7 @@ def jumps_of(
         steps.append(
             Step(
                 time=float(extent.times([place])[0]), axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
-                at_gap=extent.has_short_gap(place, reach), index=int(place),
+                at_gap=extent.has_short_gap(place, reach), index=int(place), possible=jump.possible,
             )
         )  # fmt: skip
     return steps
@@ -84,7 +96,7 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
     """Return the remarks on jumps that are subtracted from the samples."""
     remarks = []
     for axis, item in inspection.axes.items():
-        jumps = [step for step in inspection.steps if step.axis == axis and not step.at_gap]
+        jumps = [step for step in inspection.steps if step.axis == axis and step.is_certain]
         if 0 < len(jumps) < MOST:
             size = in_datasheet_units(max(abs(step.size) for step in jumps), 0.0, item.unit)
             first = Quantity(jumps[0].time, "s")
@@ -99,10 +111,12 @@ def _jumps_in(means: Vector) -> list[_Jump]:
         places, gain = _together(means)
         if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
             jumps = _one_by_one(means, places, gain / len(places))
-    return jumps
+    return jumps or _one_by_one(means, limits=_POSSIBLE)
 
 
-def _one_by_one(means: Vector, places: Sequence[float] = (), gain_of_each: float = 0.0) -> list[_Jump]:
+def _one_by_one(
+    means: Vector, places: Sequence[float] = (), gain_of_each: float = 0.0, limits: _JumpLimits = _CLEAR
+) -> list[_Jump]:
     """Return the jumps at these places, and at further ones, each of which is clear by itself."""
     whole, y, sizes = Likelihood(means), means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
@@ -113,7 +127,10 @@ def _one_by_one(means: Vector, places: Sequence[float] = (), gain_of_each: float
     while len(places) < MOST:
         likelihood = Likelihood(y)
         gain, place, weights = likelihood.best_step(_FIRST)
-        if gain < _GAIN or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain:
+        if (
+            gain < (limits.more if places else limits.gain)
+            or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain
+        ):
             break
         root = np.sqrt(weights)
         place = _within_block(likelihood, place, root)
@@ -124,9 +141,10 @@ def _one_by_one(means: Vector, places: Sequence[float] = (), gain_of_each: float
         courses = _courses(places, means.size)
         sizes = _sizes(whole, courses, root)
         y = np.asarray(means - sizes @ courses)
-    if not places or not _matter(means, _courses(places, means.size)):
+    if not places or _raising(means, _courses(places, means.size)) <= limits.matters:
         return []
-    return [_Jump(place, float(size), gain) for place, size, gain in zip(places, sizes, gains, strict=True)]
+    possible = limits is _POSSIBLE
+    return [_Jump(place, float(size), gain, possible) for place, size, gain in zip(places, sizes, gains, strict=True)]
 
 
 def _together(means: Vector) -> tuple[list[float], float]:
@@ -143,7 +161,7 @@ def _together(means: Vector) -> tuple[list[float], float]:
         places.append(place)
         courses = _courses(places, means.size)
         gain = without - whole.with_all(whole.transform(courses))
-        excess = gain - _GAIN - _MORE * (len(places) - 1)
+        excess = gain - _CLEAR.gain - _MORE * (len(places) - 1)
         if excess > best[1]:
             best = (list(places), excess)
         y = np.asarray(means - _sizes(whole, courses, root) @ courses)
@@ -176,10 +194,10 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
     return min(fits)[1]
 
 
-def _matter(means: Vector, courses: Matrix) -> bool:
-    """Return whether jumps raise K beyond what the noise between them shows."""
+def _raising(means: Vector, courses: Matrix) -> float:
+    """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
     courses = likelihood.transform(courses)
     with_jumps, _ = likelihood.walk(courses[:0], alone=True)
     _, limit = likelihood.walk(courses, alone=True)
-    return with_jumps > _MATTERS**2 * limit
+    return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

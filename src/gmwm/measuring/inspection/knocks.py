@@ -38,7 +38,8 @@ class Step:
     """A lasting jump of the mean of an axis. `time` (s) is counted from the first sample of the file. `size` is the
     mean after minus the mean before, in the unit of the axis, and `times` the same in standard deviations of the usual
     changes. `at_gap` tells whether it is at a short gap: the sensor restarted, and the gap is not filled
-    (`Signal.fill_gaps`). `index` is the number of the first sample after it."""
+    (`Signal.fill_gaps`). `index` is the number of the first sample after it. A `possible` jump may be part of a random
+    walk."""
 
     time: float
     axis: str
@@ -46,6 +47,12 @@ class Step:
     times: float
     at_gap: bool = False
     index: int = 0
+    possible: bool = False
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the jump can be subtracted."""
+        return not (self.at_gap or self.possible)
 
 
 def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:

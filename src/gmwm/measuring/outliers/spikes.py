@@ -7,6 +7,7 @@ beyond a threshold θ are spikes if there are many more than a t distribution of
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -271,10 +272,13 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):
         return chosen
+    from scipy.special import stdtrit
+
     rng, high = np.random.default_rng(0), np.inf
-    low = threshold
-    while samples * _beyond(np.array([low]), freedom)[0] > _NONE:
-        low += _BIN
+    # Beyond this deviation, the bulk has no residual, or there is none at all.
+    scale = NORMAL_QUARTILE / stdtrit(freedom, 0.75)
+    end = min(-float(stdtrit(freedom, _NONE / (2 * samples))) * scale, float(np.max(deviation)) + _BIN)
+    low = threshold + _BIN * math.ceil(max(end - threshold, 0.0) / _BIN)
     # the smallest residual that can be replaced
     while low >= 3.0:
         here = np.flatnonzero((deviation >= low) & (deviation < high))
@@ -284,7 +288,10 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
             chosen[rng.permutation(here)[: round(surplus)]] = True
         elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
             break
-        low, high = low - _BIN, low
+        # Empty bins are skipped.
+        next_low = max(threshold, float(np.max(deviation[deviation < low], initial=0.0)))
+        low, high = low - _BIN * max(math.floor((low - next_low) / _BIN), 1), low
+        high = min(high, low + _BIN)
     return chosen
 
 

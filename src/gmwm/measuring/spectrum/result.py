@@ -119,10 +119,10 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
         return int(self.frequencies.size)
 
     def smoothed(self, per_octave: int = 24) -> PowerSpectrum:
-        """Return the spectrum with densities averaged over bins of constant relative width, except around lines.
+        """Return the spectrum with densities averaged over bins of constant relative width, except around peaks.
 
-        At low frequencies, and within six bins of a line, every frequency is kept. The frequency 0, which contains the
-        mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
+        At low frequencies, and within six bins of a line, every frequency is kept. A bump has eight bins per width. The
+        frequency 0, which contains the mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
         `per_octave` is the number of bins per octave, at least 1.
         """
         as_whole_number(per_octave, "per_octave", 1)
@@ -139,6 +139,9 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
             # Around a line of varying frequency, there are four bins per width of the line.
             step = max(1, round(line.width / spacing / 4))
             edges |= set(range(center - 6 * step, center + 6 * step + 2, step))
+        for bump in self.bumps:
+            step, center = max(1, round(bump.width / spacing / 8)), round(bump.frequency / spacing)
+            edges |= set(range(center - 24 * step, center + 24 * step + 1, step))
         begins = np.array(sorted(edge for edge in edges if 1 <= edge < last), dtype=np.int64)
         count = np.diff(np.append(begins, last)).astype(np.float64)
         density, frequencies, freedom = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,7 +53,8 @@ class SpectralShape(FrozenArrays):
     """ARMA process whose power spectral density describes the measured density at high frequencies: X_t = Σ φ_i X_{t−i}
     + ε_t + Σ θ_i ε_{t−i}. `innovation` is the variance of ε (unit²), and `covariance` that of the errors of the
     coefficients. `misfit` is the mean squared difference between the logarithms of both densities, relative to its
-    expectation, near 1 for a good fit. `alternatives` are processes of other orders with a weight of at least 1 %."""
+    expectation, near 1 for a good fit. `alternatives` are processes of other orders with a weight of at least 1 %.
+    `simpler` are the best processes with fewer coefficients, the one with the fewest first."""
 
     phi: Vector
     theta: Vector
@@ -61,6 +62,7 @@ class SpectralShape(FrozenArrays):
     covariance: Matrix
     misfit: float
     alternatives: tuple[Alternative, ...] = ()
+    simpler: tuple[SpectralShape, ...] = ()
 
     @property
     def density(self) -> float:
@@ -69,8 +71,9 @@ class SpectralShape(FrozenArrays):
 
 
 def short_memory(
-    frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector
-) -> SpectralShape:
+    frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector,
+    order: int = HIGHEST_ORDER,
+) -> SpectralShape:  # fmt: skip
     """Fit an ARMA process to the part of a power spectral density that other processes (`known`) do not explain.
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
@@ -81,7 +84,7 @@ def short_memory(
     likelihood that these least squares approximate.
 
     `frequencies` (Hz) ascend and exclude lines, and `density` is two-sided (unit² per cycle per sample, σ² for white
-    noise).
+    noise). `order` is the largest p and q.
     """
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
@@ -96,7 +99,7 @@ def short_memory(
     white = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
     price = math.log(density.size)
     # At first the known part is fixed, because it could replace the shape of the filter. Then its factor is fitted too.
-    tried = _grown(data, white, price, free=False)
+    tried = _grown(data, white, price, free=False, order=order)
     each, before = _best_of_each_order(tried), min(tried, key=lambda point: _score(point, price))
     best = _free(data, before)
     moved = _score(before, price) - _score(best, price) > price
@@ -104,14 +107,28 @@ def short_memory(
     others = [p for p in each if p is not before and (moved or _score(p, price) <= near)]
     tried = _supportable(data, (best, *(_free(data, point) for point in others)))
     if moved:
-        tried += _grown(data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True)
+        tried += _grown(
+            data, min(tried, key=lambda point: _score(point, price), default=white), price, free=True, order=order
+        )
     sure = [point for point in tried if _error_at_zero(point, data) <= LARGEST_ERROR_AT_ZERO]
     if not sure:
         # The best orders do not determine the density at 0; smaller orders do.
         tried = _supportable(data, (_free(data, point) for point in each))
         sure = [point for point in tried if _error_at_zero(point, data) <= LARGEST_ERROR_AT_ZERO]
     chosen = min(sure, key=lambda point: _score(point, price), default=white)
-    return _report(data, chosen, _alternatives(data, chosen, sure, price))
+    simpler = _supportable(data, (_free(data, point) for point in _best_of_each_size(each, chosen.order)))
+    simpler = [point for point in simpler if _error_at_zero(point, data) <= LARGEST_ERROR_AT_ZERO]
+    reports = tuple(_report(data, point, ()) for point in _best_of_each_size(simpler, chosen.order))
+    return replace(_report(data, chosen, _alternatives(data, chosen, sure, price)), simpler=reports)
+
+
+def _best_of_each_size(points: Iterable[_ArmaPoint], size: int) -> list[_ArmaPoint]:
+    """Return the best point of each number of coefficients from 1 to below `size`, if it is better than with fewer."""
+    best: list[_ArmaPoint] = []
+    for point in sorted(points, key=lambda point: (point.order, point.loss)):
+        if 0 < point.order < size and (not best or (point.order > best[-1].order and point.loss < best[-1].loss)):
+            best.append(point)
+    return best
 
 
 def _supportable(data: _Data, points: Iterable[_ArmaPoint]) -> list[_ArmaPoint]:
@@ -124,11 +141,11 @@ def _free(data: _Data, point: _ArmaPoint) -> _ArmaPoint:
     return _descend(data, point.a, point.b, point.scale, free=True)
 
 
-def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool) -> list[_ArmaPoint]:
+def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool, order: int) -> list[_ArmaPoint]:
     """Add roots to the best process repeatedly; return all processes that were tried."""
     tried = [best]
     while True:
-        orders = [m for m in STEPS if best.a.size + m[0] <= HIGHEST_ORDER and best.b.size + m[1] <= HIGHEST_ORDER]
+        orders = [m for m in STEPS if best.a.size + m[0] <= order and best.b.size + m[1] <= order]
         candidates = [_best_start(data, best, more, free=free) for more in orders]
         candidates = _supportable(data, candidates)
         tried += candidates

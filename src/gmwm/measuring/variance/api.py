@@ -247,6 +247,7 @@ def _require_lags(filter: WaveletFilter, transform: Transform, *, robust: bool, 
         raise OptionError(
             argument="filter", expected="without lags for a robust estimate and for the decimated transform",
             got=filter.name,
+            advice="Take outliers out of the signal before, with `gmwm.outliers.cleaned`, or leave the lags out.",
         )  # fmt: skip
     if longest < filter.lags[-1] + 2:
         raise OptionError(

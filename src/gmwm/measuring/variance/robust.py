@@ -203,11 +203,12 @@ def _on_sample(level: _RootSearch, sample: Vector, tuning: Biweight) -> Criterio
     return criterion
 
 
-def _on_all(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> Criterion:
+def criterion_of(source: CoefficientSource, k: int, origin: float, tuning: Biweight) -> Criterion:
+    """Return the criterion of level k + 1 on all coefficients as a function of log σ² relative to log `origin`."""
     limits = np.zeros(len(source.counts))
 
     def criterion(place: float) -> tuple[float, float]:
-        limits[k] = tuning.c**2 * level.start * math.exp(place)
+        limits[k] = tuning.c**2 * origin * math.exp(place)
         cubed, fourth, count = source.sums(limits)
         return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
 
@@ -271,7 +272,7 @@ def _interpolate(
 def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
     """Solve a level that has not converged on its sample by a scan of all coefficients, or take the MAD without a
     root."""
-    criterion = _on_all(source, k, level, tuning)
+    criterion = criterion_of(source, k, level.start, tuning)
     root: float | None = None
     if level.rooted:
         result = scan(criterion, LOG_TOLERANCE)

@@ -19,12 +19,12 @@ from gmwm.base import _core
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import one_at_a_time
-from gmwm.measuring.variance.biweight import REACH, Biweight, Criterion, biweight, scan
+from gmwm.measuring.variance.biweight import REACH, Biweight, biweight, scan
 from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS
 from gmwm.measuring.variance.open_segments import SegmentedAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import WinsorisedRise
-from gmwm.measuring.variance.robust import RobustVariances, robust_variances
+from gmwm.measuring.variance.robust import RobustVariances, criterion_of, robust_variances
 from gmwm.measuring.variance.sketch import SketchCoefficients
 
 if TYPE_CHECKING:
@@ -309,18 +309,6 @@ def sum_request(sketched: SketchCoefficients, estimate: RobustVariances, efficie
         if outcome == "mad":
             low[k], high[k] = sketched.bracket(k)
     return SumRequest(limits, low, high, stored)
-
-
-def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
-    """Return the criterion of one level as a function of log σ² relative to log `origin`."""
-    limits = np.zeros(len(sketched.counts))
-
-    def criterion(place: float) -> tuple[float, float]:
-        limits[k] = tuning.c**2 * origin * math.exp(place)
-        cubed, fourth, count = sketched.sums(limits)
-        return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
-
-    return criterion
 
 
 def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:

@@ -7,7 +7,7 @@ result therefore does not depend on the parts in which a recording arrives.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, freeze
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, return_memory
 from gmwm.base.time_base import lost_before
-from gmwm.recording.batches import Batch, join_batches
+from gmwm.recording.batches import Batch, end_to_end, join_batches
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
 from gmwm.recording.gaps.restarts import restarts
@@ -51,6 +51,7 @@ def filled(
         while (last := (passed // block + 1) * block) + context <= window.stop:
             yield window.fill(passed, last, threads)
             passed = last
+            return_memory()
         del batch
         window.forget(passed // block * block - context)
     while passed < window.stop:
@@ -89,36 +90,46 @@ class _Window:
         number = first // self._block
         begin = max(number * self._block - self._context, self._first)
         end = (number + 1) * self._block + self._context
-        self._parts = [join_batches(self._parts)]
-        part = self._parts[0].between(begin - self._first, end - self._first)
-        lost = self._lost_counts(part.signals, threads)
+        window = self._between(begin, end)
+        axes = dict.fromkeys(self._parts[0].signals, None)
+        lost = self._lost_counts(window, threads)
 
-        def plan_of(axis: str, signal: Signal) -> Filling:
-            return Filling(signal, lost[axis], first=first - begin, last=last - begin, seed=number)
+        def fill_axis(axis: str, _: None) -> tuple[Signal, bool]:
+            plan = Filling(_joined(window, axis), lost[axis], first=first - begin, last=last - begin, seed=number)
+            return plan.signal(), plan.continues
 
-        plans = in_threads(plan_of, part.signals, threads=threads)
-        signals = in_threads(lambda _, plan: plan.signal(), plans, threads=threads)
-        continues = any(plan.continues for plan in plans.values())
-        parted = frozenset(axis for axis, plan in plans.items() if continues and not plan.continues)
-        return Batch(signals, first, continues, parted=parted)
+        results = in_threads(fill_axis, axes, threads=threads)
+        continues = any(follows for _, follows in results.values())
+        parted = frozenset(axis for axis, (_, follows) in results.items() if continues and not follows)
+        return Batch({axis: signal for axis, (signal, _) in results.items()}, first, continues, parted=parted)
 
-    def _lost_counts(self, signals: Mapping[str, Signal], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
+    def _between(self, first: int, last: int) -> list[Batch]:
+        """Return samples number `first` … `last` − 1 as views of the batches."""
+        pieces, begin = list[Batch](), self._first
+        for part in self._parts:
+            if first < begin + len(part) and begin < last:
+                pieces.append(part.between(max(first - begin, 0), last - begin))
+            begin += len(part)
+        return pieces
+
+    def _lost_counts(self, window: Sequence[Batch], threads: int | None) -> Mapping[str, NDArray[np.int64]]:
         """Return for each axis the number of samples to fill in before each segment but the first."""
-        first = next(iter(signals.values()))
+        axes = dict.fromkeys(window[0].signals, None)
+        first = _joined(window, next(iter(axes)))
         ranges = np.array(first.segments, dtype=np.int64)
         begins, lost = ranges[1:, 0], lost_before(first.rate, ranges, first.starts)
         accepted = gaps.fillable(ranges[:, 1] - ranges[:, 0], lost)
 
-        def own(_: str, signal: Signal) -> NDArray[np.int64]:
-            again = np.zeros_like(accepted)
-            again[accepted] = restarts(signal.values, begins[accepted], lost[accepted], begins[~accepted].tolist())
+        def own(axis: str, _: None) -> NDArray[np.int64]:
+            again, values = np.zeros_like(accepted), _joined(window, axis).values
+            again[accepted] = restarts(values, begins[accepted], lost[accepted], begins[~accepted].tolist())
             return np.where(accepted & ~again, lost, 0)
 
-        samples = in_threads(own, signals, threads=threads)
+        samples = in_threads(own, axes, threads=threads)
         if not self._together:
             return samples
         least = np.stack(list(samples.values())).min(axis=0)
-        return dict.fromkeys(signals, least)
+        return dict.fromkeys(axes, least)
 
     def forget(self, first: int) -> None:
         """Drop the samples before number `first`."""
@@ -131,6 +142,13 @@ class _Window:
                 remainder, signals={axis: replace(x, values=x.values.copy()) for axis, x in remainder.signals.items()}
             )
             self._first = first
+
+
+def _joined(window: Sequence[Batch], axis: str) -> Signal:
+    """Return the samples of an axis, with a copy only if they are in several batches."""
+    if len(window) == 1:
+        return window[0].signals[axis]
+    return end_to_end([batch.signals[axis] for batch in window], [batch.continues_on(axis) for batch in window])
 
 
 class Filling:
@@ -161,12 +179,12 @@ class Filling:
         lengths = ranges[:, 1] - ranges[:, 0]
         # Position of each segment on a timeline that includes the filled samples.
         places = np.concatenate([[0], np.cumsum(lengths[:-1] + lost)])
-        self._known = np.arange(ranges[-1, 1]) + np.repeat(places - ranges[:, 0], lengths)
+        self._ranges, self._places = ranges, places
         self._cuts = places[1:][lost == 0].tolist()
         self._size, self._first, self._last = int(places[-1] + lengths[-1]), first, last
         # The gap before the first sample of the block belongs to it.
-        begin = int(self._known[first - 1]) + 1 if first else 0
-        self._own = slice(begin, int(self._known[last - 1]) + 1)
+        begin = self._place(first - 1) + 1 if first else 0
+        self._own = slice(begin, self._place(last - 1) + 1)
         here = [cut - begin for cut in self._cuts if begin < cut < self._own.stop]
         edges = [0, *here, self._own.stop - begin]
         self._segments = tuple(pairwise(edges))
@@ -174,6 +192,11 @@ class Filling:
         self.continues = first > 0 and begin not in self._cuts
         at = np.searchsorted(places, np.array(edges[:-1]) + begin, side="right") - 1
         self._starts = np.asarray(signal.starts)[at] + (np.array(edges[:-1]) + begin - places[at]) / signal.rate
+
+    def _place(self, sample: int) -> int:
+        """Return the position of a known sample on the timeline."""
+        segment = int(np.searchsorted(self._ranges[:, 0], sample, side="right")) - 1
+        return sample + int(self._places[segment] - self._ranges[segment, 0])
 
     def signal(self) -> Signal:
         """Return the block with its gaps filled, from its samples and its context."""
@@ -187,7 +210,8 @@ class Filling:
         if not self._filled:
             return values[self._first : self._last]
         present = np.zeros(self._size, dtype=np.bool_)
-        present[self._known] = True
+        for place, (begin, end) in zip(self._places.tolist(), self._ranges.tolist(), strict=True):
+            present[place : place + end - begin] = True
         timeline = np.zeros(present.size)
         timeline[present] = values
         return drawn(timeline, present, seed=self._seed, cuts=self._cuts)[self._own]

@@ -89,13 +89,17 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
     if np.all(present):
         return values
     rng = np.random.default_rng(seed)
-    middle = np.array([values[first:last][present[first:last]].mean() for first, last in ranges])
-    x = np.where(present, values - np.repeat(middle, np.diff([0, *cuts, values.size])), 0.0)
-    prediction = _Prediction.of(_Known.of(x, present), ranges, rng)
-    for (first, last), level in zip(ranges, middle.tolist(), strict=True):
+    middle = [values[first:last][present[first:last]].mean() for first, last in ranges]
+    x = np.zeros(values.size)
+    for (first, last), level in zip(ranges, middle, strict=True):
+        np.subtract(values[first:last], level, out=x[first:last], where=present[first:last])
+    known = _Known.of(x, present)
+    prediction = _Prediction.of(known, ranges, rng)
+    for (first, last), level in zip(ranges, middle, strict=True):
         span = slice(first, last)
         if not np.all(present[span]):
-            x[span] = _draw(_Known.of(x[span], present[span]), prediction, rng) + level
+            part = known if len(ranges) == 1 else _Known.of(x[span], present[span])
+            x[span] = _draw(part, prediction, rng) + level
     x[present] = values[present]
     return x
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.resolution import step_of
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
 
@@ -30,27 +33,48 @@ shorter than the horizon of N."""
 _SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
 """Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
 between, because a random walk has 36; and number of samples that are averaged to look there."""
+_FALLS_ABOVE_ROUNDING = 4.0
+"""The same ratio if the fast density is that of rounding. The steepness is then examined after averaging."""
+_BLOCKS, _ROUNDING, _FAR, _STEEP = 3, 2.0, 8.0, 0.008
+"""Smallest number of periodograms; largest fast density, relative to that of rounding, of a noise whose fast part is
+below the rounding; multiple of the band at which its density is compared with that at the end of the band; largest
+ratio. A random walk has 0.016, two poles with a step of one standard deviation 0.007
+(tests/recording/test_averages.py)."""
 _FEWEST = 256
 """Smallest number of means."""
 
 
-def averaged_samples(batch: Batch) -> dict[str, int]:
-    """Return for each axis the number of samples to average so that the noise is not far below the rate; 1 for an axis
-    that has not passed a steep filter."""
+class SteepFilter(NamedTuple):
+    """A filter far below the rate: the number of samples to average (1 without one), and the memory of the filter in
+    samples, which is the mean lag |τ| with its autocovariance as weight."""
+
+    length: int = 1
+    memory: float = 0.0
+
+
+def steep_filters(batch: Batch) -> dict[str, SteepFilter]:
+    """Return the steep filter of each axis."""
     most = max(len(batch) // _FEWEST, 1)
-    return {axis: min(_of_axis(list(signal.segment_values())), most) for axis, signal in batch.signals.items()}
+    filters = {
+        axis: _of_axis(list(signal.segment_values()), _rounding(signal.values))
+        for axis, signal in batch.signals.items()
+    }
+    return {axis: steep._replace(length=min(steep.length, most)) for axis, steep in filters.items()}
 
 
-def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:
-    """Return the means of `length` consecutive samples. Samples before a gap that are too few for a mean are left
-    out."""
+def averaged(recording: Imu | Streamed, length: int, memories: Mapping[str, float]) -> Imu | Streamed:
+    """Return the means of `length` consecutive samples. Samples before a gap that are too few for a mean are left out.
+
+    The memory m of the filter correlates neighbouring means: their density is 1 − d + d cos ω, d = m / length, relative
+    to white noise. A recursion of first order with the inverse density restores white noise.
+    """
     if not isinstance(recording, Imu):
-        return _AveragedStream(recording, length)
+        return _AveragedStream(recording, length, memories)
     first = recording.signals[recording.axes[0]]
     runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
     values = {axis: signal.values for axis, signal in recording.signals.items()}
     samples = Samples(values, recording.rate, first=0, segment=0, runs=runs, temperature=recording.temperature)
-    averages = _Averages(length, recording.rate)
+    averages = _Averages(length, recording.rate, memories)
     (part,) = averages.of([samples])
     ranges = list(part.ranges())
     signals = {
@@ -69,8 +93,10 @@ def averaged(recording: Imu | Streamed, length: int) -> Imu | Streamed:
 class _Averages:
     """Means of consecutive samples, from samples in any portions."""
 
-    def __init__(self, length: int, rate: float) -> None:
+    def __init__(self, length: int, rate: float, memories: Mapping[str, float]) -> None:
         self._length, self._old_rate, self._rate = length, rate, rate / length
+        self._correlations = {axis: _correlation(memory / length) for axis, memory in memories.items()}
+        self._states: dict[str, Vector] = {}
         self._starts, self._sizes = list[float](), list[int]()
         self._carry: dict[str, Vector] = {}
         self._begin: float | None = None  # time of the first sample of a run that has no mean yet
@@ -92,13 +118,14 @@ class _Averages:
         runs, before = list[tuple[int, float]](), sum(self._sizes)
         for k, (begin, end, time) in enumerate(chunk.ranges()):
             if k or not chunk.continues:
-                self._carry, self._begin = {}, time
+                self._carry, self._states, self._begin = {}, {}, time
             joined = {
                 name: np.concatenate([self._carry.get(name, np.empty(0)), x[begin:end]]) for name, x in columns.items()
             }
             count = (end - begin + next(iter(self._carry.values()), np.empty(0)).size) // self._length
             for name, x in joined.items():
-                means[name].append(x[: count * self._length].reshape(-1, self._length).mean(axis=1))
+                part = x[: count * self._length].reshape(-1, self._length).mean(axis=1)
+                means[name].append(self._uncorrelated(name, part))
                 self._carry[name] = x[count * self._length :].copy()
             if not count:
                 continue
@@ -116,12 +143,23 @@ class _Averages:
             segment = len(self._sizes) - len(runs)
             yield Samples(values, self._rate, first=before, segment=segment, runs=tuple(runs), temperature=heat)
 
+    def _uncorrelated(self, name: str, means: Vector) -> Vector:
+        """Return means whose white noise is not correlated, from those of the filter."""
+        from scipy.signal import lfilter
+
+        theta = self._correlations.get(name, 0.0)
+        if not theta or not means.size:
+            return means
+        state = self._states.get(name, -theta * means[:1])
+        values, self._states[name] = lfilter([1 + theta], [1, theta], means, zi=state)
+        return np.asarray(values)
+
 
 class _AveragedStream:
     """A recording in a file whose samples are averaged while they are read."""
 
-    def __init__(self, stream: Streamed, length: int) -> None:
-        self._stream, self._length = stream, length
+    def __init__(self, stream: Streamed, length: int, memories: Mapping[str, float]) -> None:
+        self._stream, self._length, self._memories = stream, length, memories
         self._averages: _Averages | None = None
         self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate / length
         self.has_temperature, self.rows = stream.has_temperature, stream.rows // length
@@ -139,7 +177,7 @@ class _AveragedStream:
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the means."""
-        averages = _Averages(self._length, self._stream.rate)
+        averages = _Averages(self._length, self._stream.rate, self._memories)
         yield from averages.of(self._stream.samples())
         self._averages = averages
 
@@ -149,11 +187,30 @@ def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...
     return tuple(Remark.of("fault-undone", axis, case="filtered", **facts) for axis in axes)
 
 
-def _of_axis(pieces: Sequence[Vector]) -> int:
-    """Return the number of samples to average, from the samples of each segment."""
+def _rounding(values: Vector) -> float:
+    """Return the variance of the rounding of an output; 0 if it is coarse, or has no quantization step."""
+    sample = values[: 8 * _LENGTH]
+    step = step_of(sample)
+    return 0.0 if step is None or step > 2 * np.std(sample) else step**2 / 12
+
+
+def _falls_steeply(smooth: Vector, passes: float) -> bool:
+    """Return whether a smoothed density falls faster above the band `passes` than that of a random walk."""
+    near, far = round(passes * _LENGTH / 8) - 1, round(_FAR * passes * _LENGTH / 8)
+    return far < smooth.size and bool(np.median(smooth[far : far + 8]) < _STEEP * smooth[near])
+
+
+def _correlation(share: float) -> float:
+    """Return the coefficient θ of the moving average with the correlation (share/2) / (1 − share) of neighbours."""
+    correlation = min(share / 2 / (1 - min(share, 0.5)), 0.45)
+    return (1 - math.sqrt(1 - 4 * correlation**2)) / (2 * correlation) if correlation > 0 else 0.0
+
+
+def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
+    """Return the steep filter of an axis, from the samples of each segment and the variance of their rounding."""
     blocks = np.concatenate([x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in pieces])
     if not blocks.size:
-        return 1
+        return SteepFilter()
     blocks = blocks[:: max(len(blocks) // _MOST, 1)]
     window = np.hanning(_LENGTH)
     density = np.mean(np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
@@ -161,14 +218,25 @@ def _of_axis(pieces: Sequence[Vector]) -> int:
     fast, slow, slower = (
         float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW, _SLOWER)
     )
-    if slower > _FALLS * slow > 0:
+    is_rounding = len(blocks) >= _BLOCKS and fast < _ROUNDING * rounding * float(window @ window)
+    if slower > (_FALLS_ABOVE_ROUNDING if is_rounding else _FALLS) * slow > 0:
         # The noise ends at a lower frequency, which shorter means show.
         means = [x[: x.size - x.size % _SHORT].reshape(-1, _SHORT).mean(axis=1) for x in pieces]
-        length = _of_axis(means)
-        return _SHORT * length if length > 1 else 1
-    if not 0 < fast < _EMPTY * slow:
-        return 1
+        steep = _of_axis(means, math.inf if is_rounding else 0.0)
+        return SteepFilter(_SHORT * steep.length, _SHORT * steep.memory) if steep.length > 1 else SteepFilter()
     # The highest frequency up to which most of the noise passes, from densities smoothed over 8 frequencies.
     smooth = density[: density.size // 8 * 8].reshape(-1, 8).mean(axis=1)
-    passes = float(np.flatnonzero(smooth > _PASSES * slow)[-1] + 1) * 8 / _LENGTH
-    return max(round(_OF_RATE / (2 * passes)), 1)
+    passing = np.flatnonzero(smooth > _PASSES * slow)
+    if not passing.size:
+        return SteepFilter()
+    passes = float(passing[-1] + 1) * 8 / _LENGTH
+    if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
+        return SteepFilter()
+    # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df. S is a parabola in the lower half of the band, and zero above half the
+    # rate.
+    low = (frequency > passes / 8) & (frequency < passes / 2)
+    curve, level = np.polyfit(frequency[low] ** 2, density[low], 1)
+    high = frequency >= passes / 2
+    missing = float(np.sum((1 - density[high] / level) / frequency[high] ** 2)) / _LENGTH
+    memory = (missing + max(-float(curve / level), 0.0) * passes / 2 + 2) / np.pi**2
+    return SteepFilter(max(round(_OF_RATE / (2 * passes)), 1), max(memory, 0.0))

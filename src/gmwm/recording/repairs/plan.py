@@ -13,11 +13,12 @@ from gmwm.base.axis_names import sensor_of
 from gmwm.recording.batches import Batch
 from gmwm.recording.repairs.levels import TwoLevels, two_levels_of
 from gmwm.recording.repairs.repeats import Repeats, repeats_of
+from gmwm.recording.repairs.resampled import slower_rate
 from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
 from gmwm.recording.repairs.wraps import modulus_of, unwrapped
-from gmwm.recording.resolution import count_of
+from gmwm.recording.resolution import count_of, step_of
 
-_BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels")
+_BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels", "resampled")
 _FROZEN, _FROZEN_TIMES = 32, 6
 """Smallest number of equal samples in a row at which the output froze: also as a multiple of the length that one run of
 a thousand exceeds (tests/recording/test_repairs.py)."""
@@ -30,6 +31,9 @@ _MOST_DEAD = 0.5
 """Largest share of the recording that is left out at its beginning."""
 _UNLIKELY = 1e-3
 """Largest expected number of straight runs by chance."""
+_OF_STEP, _ON_GRID = 1 << 15, 0.01
+"""Number of samples from which the quantization step is taken; and median distance of the slopes of straight runs from
+whole steps, below which the runs are those of a slow rounded signal."""
 _MOST_STRAIGHT = 0.3
 """Largest share of interpolated samples that are treated as gaps. Above it, the log was resampled."""
 
@@ -53,6 +57,8 @@ class RepairPlan:
         Size of a count, for axes whose values are whole counts but for float64 rounding.
     levels : mapping of axis to TwoLevels
         Levels between which the mean of an axis switches. They are named, and nothing is changed.
+    resampled : mapping of axis to float
+        Relative rate of the log from which an axis was resampled by straight lines; named, and nothing is changed.
     """
 
     axes: tuple[str, ...]
@@ -63,13 +69,12 @@ class RepairPlan:
     wraps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     counts: Mapping[str, float] = field(default_factory=dict)
     levels: Mapping[str, TwoLevels] = field(default_factory=dict)
+    resampled: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def changes_nothing(self) -> bool:
         """Whether no sample is changed or left out, and nothing is named."""
-        return not (
-            self.levels or self.repeats or self.frozen or self.straight or self.dead or self.wraps or self.counts
-        )
+        return not (self.repeats or self.dead or any(getattr(self, name) for name in _BY_AXIS))
 
     @property
     def every(self) -> float:
@@ -155,9 +160,9 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
     values = batch.signals[axis].values
     same = repeats([values], begins)
     dead = _dead(same)
-    frozen, line, levels = 0, 0, None
+    frozen, line, levels, slower = 0, 0, None, 0.0
     if pattern is None:
-        levels = two_levels_of(values)
+        levels, slower = two_levels_of(values), slower_rate(values[: int(begins[1]) if begins.size > 1 else None])
         frozen = _frozen_length(values, same)
         share = np.mean(in_long_runs(same, frozen)[dead:]) if frozen else 0.0
         frozen = frozen if 0 < share <= _MOST_FROZEN else 0
@@ -170,6 +175,7 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
         "wraps": modulus_of(values),
         "counts": count_of(values),
         "levels": levels,
+        "resampled": slower,
     }
     mappings: dict[str, Any] = {name: {axis: value} if value else {} for name, value in found.items()}
     return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * len(batch) else 0, **mappings)
@@ -221,8 +227,11 @@ def _straight_length(values: Vector, begins: Indices) -> int:
     line = straight(values, begins)
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(float(np.mean(alone)), 1e-6)
-    length = int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share)))
-    return max(length, 3) if length <= _FROZEN else 0
+    length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
+    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[_in_straight_runs(values, begins, length)[1:]]
+    if step is not None and slopes.size and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID:
+        return 0
+    return length if length <= _FROZEN else 0
 
 
 def _in_straight_runs(values: Vector, begins: Indices, least: int) -> Mask:

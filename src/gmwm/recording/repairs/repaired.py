@@ -13,7 +13,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed, batches
 from gmwm.recording.chunks import Samples
-from gmwm.recording.repairs.averages import averaged, averaged_samples
+from gmwm.recording.repairs.averages import SteepFilter, averaged, steep_filters
 from gmwm.recording.repairs.plan import RepairPlan, plans_of
 from gmwm.recording.repairs.runs import Indices
 from gmwm.recording.signals import Imu, Signal
@@ -31,24 +31,26 @@ def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
     base = recording.time_base
     plans = plans_of(batch, 0.0 if base is None else base.duplicates / max(rows, 1))
     return tuple(
-        part if length == 1 else averaged(part, length)
+        averaged(part, min(steep.length for steep in filters.values()), {axis: s.memory for axis, s in filters.items()})
+        if filters
+        else part
         for plan in plans
-        for length, part in _by_average(recording, plan, alone=len(plans) == 1)
+        for filters, part in _by_filter(recording, plan, alone=len(plans) == 1)
     )
 
 
-def _by_average(recording: Imu | Streamed, plan: RepairPlan, *, alone: bool) -> Iterator[tuple[int, Imu | Streamed]]:
-    """Yield the repaired axes of a plan that passed a steep filter, with the number of samples to average, and the
-    other axes."""
+def _by_filter(
+    recording: Imu | Streamed, plan: RepairPlan, *, alone: bool
+) -> Iterator[tuple[dict[str, SteepFilter], Imu | Streamed]]:
+    """Yield the repaired axes of a plan that passed a steep filter, with these filters, and the other axes."""
     part = recording if alone and plan.changes_nothing else _of_plan(recording, plan)
-    lengths = averaged_samples(next(batches(part)))
-    steep = [axis for axis, length in lengths.items() if length > 1]
-    length = min((lengths[axis] for axis in steep), default=1)
-    if len(steep) in (0, len(lengths)):
-        yield length, part
+    filters = {axis: steep for axis, steep in steep_filters(next(batches(part))).items() if steep.length > 1}
+    others = [axis for axis in part.axes if axis not in filters]
+    if not filters or not others:
+        yield filters, part
         return
-    yield length, _of_plan(recording, plan.of(steep))
-    yield 1, _of_plan(recording, plan.of([axis for axis in lengths if axis not in steep]))
+    yield filters, _of_plan(recording, plan.of(list(filters)))
+    yield {}, _of_plan(recording, plan.of(others))
 
 
 def _of_plan(recording: Imu | Streamed, plan: RepairPlan) -> Imu | Streamed:
@@ -177,11 +179,16 @@ class Repair:
             for case, (axes, facts) in cases.items()
             for axis in axes
         ]
-        return (*undone, *self.remarks_on_levels())
+        return (*undone, *self.remarks_before())
 
-    def remarks_on_levels(self) -> tuple[Remark, ...]:
-        """Return remarks on axes that switch between two levels, which are known before the samples are read."""
-        return tuple(
+    def remarks_before(self) -> tuple[Remark, ...]:
+        """Return the remarks that are known before the samples are read: on two levels, and on a slower log."""
+        slower = (
+            Remark.of("fault-undone", axis, case="resampled", rate=Quantity(share * self._old_rate, "Hz"),
+                      log=Quantity(self._old_rate, "Hz"))
+            for axis, share in self.plan.resampled.items()
+        )  # fmt: skip
+        return *slower, *(
             Remark.of("heavy-tails", axis, case="levels", share=100 * levels.share,
                       duration=Quantity(levels.duration / self.rate, "s"))
             for axis, levels in self.plan.levels.items()
@@ -204,7 +211,7 @@ class RepairedStream:
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks of the stream, and after an iteration on what was changed."""
         if self._repair is None:
-            return (*self._stream.remarks, *Repair(self._plan, self._stream.rate).remarks_on_levels())
+            return (*self._stream.remarks, *Repair(self._plan, self._stream.rate).remarks_before())
         return (*self._stream.remarks, *self._repair.remarks())
 
     @property

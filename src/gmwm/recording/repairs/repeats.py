@@ -14,10 +14,10 @@ from gmwm.recording.repairs.runs import Indices, Mask, repeats
 
 @dataclass(frozen=True)
 class RepeatLimits:
-    """Limits at which values are repeated by the logger (tests/recording/test_repeats.py)."""
+    """Limits at which values are repeated by the logger (tests/recording/test_repairs.py)."""
 
     least_share: float = 1e-3
-    """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repeats.py)."""
+    """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repairs.py)."""
     least_changes: int = 100
     """Smallest number of changes of the output from which repetition is recognised."""
     multiple_share: float = 0.98
@@ -35,6 +35,8 @@ class RepeatLimits:
     regular_ratio: float = 0.3
     """Largest ratio of the variance of the number of repeats in a window to the variance for random repeats, for a log
     with a regular pattern. Random repeats have a ratio of 1 ± 0.3."""
+    short_chance: float = 1e-3
+    """Largest probability that random repeats look regular, for a short log with a regular pattern."""
     written_twice: float = 0.1
     """Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
     were written twice (tests/test_inspection.py)."""
@@ -84,7 +86,7 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     returns = np.ones(changes.size - 2, dtype=np.bool_)
     for values in axes:
         returns &= values[changes[2:]] == values[changes[:-2]]
-    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share
+    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share or all(_is_slow(x[changes]) for x in axes)
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
@@ -92,7 +94,13 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
         return None
     if abs(duplicates - np.mean(same)) < LIMITS.written_twice * duplicates:
         return Repeats("twice", float(1 / (1 - np.mean(same))))
-    return Repeats("held", every) if _is_regular(same, share) else Repeats("lost")
+    return Repeats("held", every) if _is_regular(same, share, lengths) else Repeats("lost")
+
+
+def _is_slow(levels: Vector) -> bool:
+    """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
+    sizes = np.abs(np.diff(levels))
+    return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
 def _common_multiple(lengths: Indices) -> int:
@@ -103,12 +111,16 @@ def _common_multiple(lengths: Indices) -> int:
     return 1
 
 
-def _is_regular(same: Mask, share: float) -> bool:
-    """Return whether the numbers of repeats in windows vary less than those of random repeats with this share."""
+def _is_regular(same: Mask, share: float, lengths: Indices) -> bool:
+    """Return whether the numbers of repeats in windows vary less than those of random repeats with this share. In a
+    short recording, no run may be longer than a regular one, which is rare among random repeats."""
     window = round(_PER_WINDOW / share)
     count = same.size // window
-    if share < LIMITS.pattern_share or count < _WINDOWS:
+    if share < LIMITS.pattern_share:
         return False
+    if count < _WINDOWS:
+        longest = int(np.ceil(np.mean(lengths)))
+        return bool(lengths.max() <= longest and (1 - share**longest) ** lengths.size < LIMITS.short_chance)
     counts = np.sum(same[: count * window].reshape(count, window), axis=1)
     # The median ignores windows in which the output froze.
     spread = 1.4826 * float(np.median(np.abs(counts - np.median(counts))))

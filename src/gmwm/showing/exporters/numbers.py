@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
+from gmwm.base.documents import plain
 from gmwm.base.errors import DataError
 from gmwm.base.text import version
 from gmwm.base.units import SI_UNIT, find_unit, noise_unit
@@ -50,7 +50,7 @@ class JsonNumbers(Exporter):
             "failed": dict(calibration.failed),
             "remarks": [remark.to_dict() for remark in self.remarks(calibration, options)],
         }
-        return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+        return json.dumps(plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
 
 def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
@@ -69,9 +69,7 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
         "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
         "bias": None if found.rest is None else found.rest.to_dict(),
         "filter": _filter(axis, calibration, options),
-        "matrices": axis_matrices(axis, calibration, options)
-        if has_matrices(fit.model, fit.wavelet_variance.rate)
-        else None,
+        "matrices": axis_matrices(axis, calibration, options) if has_matrices(fit.model, wv.rate) else None,
     }
 
 
@@ -92,12 +90,3 @@ def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict
         }
         for symbol, number, power in (("N", noise.N, 0.5), ("K", noise.K, -0.5))
     }  # fmt: skip
-
-
-def _plain(value: Any) -> Any:
-    """Replace NaN and infinity, which JSON does not allow, by None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -218,9 +218,11 @@ def _number(axis: str, fit: Fit, entry: Entry) -> Number:
     if not entry.upper_only:
         return Number(entry.value, False)
     if fit.weighting == GIVEN:
+        examples = {"gyroN": "N=0.15deg/√h", "accelN": "N=60µg/√Hz", "accelK": "K=0.1mg/√h, or as B=0.02mg"}
         raise DataError(
             f"the numbers of {axis} contain no {entry.title}, and there is no recording that limits it",
-            advice="Add it, for example a random walk as K=2deg/h/√h, or a bias instability as B=3deg/h.",
+            advice="Add it, for example as {example}.",
+            example=examples.get(axis[:-2] + entry.symbol[:1], "K=2deg/h/√h, or as B=3deg/h"),
         )
     if entry.high is None or not math.isfinite(entry.high):
         raise DataError(

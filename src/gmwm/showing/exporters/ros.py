@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gmwm.base.errors import DataError
@@ -81,12 +82,7 @@ class Ros(Exporter):
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on terms without a finite variance and on sinusoids."""
-        found = cautions(calibration)
-        for axis, fit in calibration.items():
-            if terms := terms_without_variance(fit):
-                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
-            found += of_lines(axis, fit)
-        return tuple(found)
+        return (*cautions(calibration), *_not_in_variances(calibration))
 
 
 def terms_without_variance(fit: Fit) -> tuple[str, ...]:
@@ -112,6 +108,13 @@ def _grows(fit: Fit, term: str, process: Process) -> bool:
     acts = registry.get(fit.diagnostics.acts_as.get(term, ""))
     infinite = process.correlation_time(fit.wavelet_variance.rate) == math.inf
     return not process.stationary or infinite or (acts is not None and not acts.stationary)
+
+
+def _not_in_variances(calibration: Calibration) -> Iterator[Remark]:
+    for axis, fit in calibration.items():
+        if terms := terms_without_variance(fit):
+            yield Remark.of("not-in-file", axis, case="variance", terms=terms)
+        yield from of_lines(axis, fit)
 
 
 @register
@@ -161,12 +164,7 @@ class Autoware(Exporter):
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on noise that the standard deviations do not include."""
-        found = [*cautions(calibration), *unknown(calibration, ("gyro",))]
-        for axis, fit in calibration.items():
-            if terms := terms_without_variance(fit):
-                found.append(Remark.of("not-in-file", axis, case="variance", terms=terms))
-            found += of_lines(axis, fit)
-        return tuple(found)
+        return (*cautions(calibration), *unknown(calibration, ("gyro",)), *_not_in_variances(calibration))
 
 
 @register

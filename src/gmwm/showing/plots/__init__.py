@@ -37,7 +37,7 @@ __all__ = [
 _RESULTS = {
     "base.differences.DifferenceTests": "differences.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
-    "choosing.replicates.result.Replicates": "recordings.plot_recordings",
+    "choosing.replicates.result.Replicates": "overlay.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
     "choosing.selection.ranking.Ranking": "ranking.plot_ranking",
     "fitting.estimation.conditions_fit.ConditionsFit": "overlay.plot_conditions",

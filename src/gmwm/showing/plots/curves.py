@@ -155,7 +155,7 @@ def plot_wavelet_variance(
     >>> figure.axes[0].get_ylabel()
     'Allan deviation (deg/h)'
     """
-    from gmwm.showing.plots.overlay import named_panel
+    from gmwm.showing.plots.shared_axes import named_panel
 
     if label is None and color is None:
         panel = wavelet_variance_panel(wv, view=view, units=units)

@@ -153,7 +153,7 @@ def plot_fit(
     ModelError
         If a maximum-likelihood fit was read from a file, which does not hold the recording.
     """
-    from gmwm.showing.plots.overlay import named_fit_panel
+    from gmwm.showing.plots.shared_axes import named_fit_panel
 
     if label is None and color is None:
         panel = fit_panel(fit, view=view, units=units, decomposition=decomposition is not False)

@@ -8,94 +8,36 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_hex
 
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.axes import time_axis, value_axis
-from gmwm.showing.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
+from gmwm.measuring.covariance import Design
+from gmwm.measuring.covariance.api import variances
+from gmwm.showing.plots.axes import signed_axis, time_axis
+from gmwm.showing.plots.curves import (
+    BAND,
+    BEHIND,
+    FRONT,
+    MIDDLE,
+    closed_panel,
+    curves_then_bands,
+    observed_marks,
+    view_for,
+)
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
-from gmwm.showing.plots.fit import term_lines
 from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.style import curve_stroke
+from gmwm.showing.plots.style import GREY, SOLID, curve_stroke
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.base.arrays import Vector
+    from gmwm.choosing.replicates import Replicates
     from gmwm.fitting.estimation.conditions_fit import ConditionsFit
     from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.likelihood.result import LikelihoodFit
     from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.showing.plots.fit import Fitted
-
-
-def named_panel(
-    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "auto",
-    units: UnitSystem = "auto", ax: Axes | None = None,
-) -> Panel:  # fmt: skip
-    """Return a panel with one named curve. Its axes include the curves that gmwm has already drawn on `ax`, and its
-    default colour is the next free one. Raises an OptionError if the earlier curves have another quantity or unit."""
-    drawn = ax if isinstance(ax, Axes) else None
-    # Each earlier curve has one confidence band, so the number of bands is the number of curves.
-    before = 0 if drawn is None else sum(isinstance(artist, PolyCollection) for artist in drawn.collections)
-    stroke = curve_stroke(before)
-    if color is not None:
-        stroke = replace(stroke, colour=_hex(color))
-    name = wavelet_variance_of(item).axis or "Data" if label is None else label
-    panel = overlay_panel({name: item}, view=view, units=units, strokes=[stroke])
-    # The bands of all curves share one legend entry.
-    panel = replace(panel, marks=tuple(curves_then_bands(panel.marks, 2)))
-    return panel if drawn is None or not before else _join(panel, drawn)
-
-
-def named_fit_panel(
-    fit: Fitted, *, label: str | None, color: str | None, view: ViewName, units: UnitSystem, ax: Axes | None,
-    decomposition: bool,
-) -> Panel:  # fmt: skip
-    """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
-    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
-    if not decomposition:
-        return panel
-    name = panel.marks[0].label
-    shown = view_for(fit.wavelet_variance, view, units)
-    colour = next(mark.stroke.colour for mark in panel.marks if isinstance(mark, Polyline))
-    terms = (
-        replace(line, stroke=replace(line.stroke, colour=colour), label=f"{name}, {line.label}")
-        for line in term_lines(fit, shown, alone=False)
-    )
-    return replace(panel, marks=(*panel.marks, *terms))
-
-
-def _hex(color: str) -> str:
-    try:
-        return to_hex(color)
-    except (ValueError, TypeError) as error:
-        raise OptionError(argument="color", expected='a colour such as "#0072B2" or "red"', got=color) from error
-
-
-def _join(panel: Panel, ax: Axes) -> Panel:
-    """Return the panel with axes that also include the curves on `ax`, which must show the same quantity and unit."""
-    if ax.get_ylabel() != panel.y.label:
-        raise OptionError(
-            f"curves on the same axes need the same quantity and unit, but they are {ax.get_ylabel()!r} and "
-            f"{panel.y.label!r}",
-            argument="ax",
-            got=ax,
-            advice="Plot them on axes of their own.",
-        )
-    # Minor ticks are lines too. They are excluded because their positions are not in the units of the data.
-    curves = [line for line in ax.lines if all(line.get_transform().contains_branch_seperately(ax.transData))]
-    times = [np.asarray(line.get_xdata(), dtype=float) for line in curves] + [line.x for line in panel.lines]
-    (low, high), (bottom, top) = ax.get_ylim(), panel.y.limits
-    return replace(
-        panel,
-        x=time_axis(np.unique(np.concatenate(times)), panel.x.label),
-        y=value_axis((min(low, bottom), max(high, top)), panel.y.label),
-    )
 
 
 class AtCondition(NamedTuple):
@@ -315,3 +257,45 @@ def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
         (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"
         for wv in results
     ]
+
+
+MEAN = Stroke(GREY, 0.8, SOLID)
+"""Stroke of the line at zero, which is the mean of the recordings."""
+LINEAR, EVEN = 10.0, 100.0
+"""Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
+linear."""
+
+
+def recordings_figure(replicates: Replicates) -> Figure:
+    """Return the figure that `plot_recordings` draws. It shows by how many per cent the wavelet deviation of each
+    recording differs from the mean of all recordings."""
+    wv, fit = replicates.fit.wavelet_variance, replicates.fit
+    curves = wv.recordings
+    ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)
+              for name, curve in curves.items()}  # fmt: skip
+    typical = sorted(curves.values(), key=lambda curve: curve.samples)[len(curves) // 2]
+    typical_levels = min(len(typical), len(wv))
+    design = Design.of(typical).only(typical.levels <= typical_levels)
+    # A recording contributes to the mean, so it differs less from the mean than from another recording.
+    part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
+    scatter = 50 * 1.96 * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
+    shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
+    y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)
+    marks: list[Mark] = [
+        Polyline(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
+        Band(wv.tau[:typical_levels], -scatter, scatter, colour=GREY, opacity=0.25, layer=BAND,
+             label="95 % of equal recordings"),
+    ]  # fmt: skip
+    for k, (name, values) in enumerate(ratios.items()):
+        marks.append(Polyline(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
+    return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)
+
+
+@drawing
+def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+    A band shows the range of differences that chance explains.
+    """
+    return recordings_figure(replicates)

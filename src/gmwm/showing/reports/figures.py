@@ -11,9 +11,8 @@ from gmwm.base.errors import OptionError
 from gmwm.showing.plots.figure import Mark, Panel, Polyline
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
-from gmwm.showing.plots.overlay import Item, overlay_panel
+from gmwm.showing.plots.overlay import Item, overlay_panel, recordings_figure
 from gmwm.showing.plots.ranking import ranking_figure
-from gmwm.showing.plots.recordings import recordings_figure
 from gmwm.showing.plots.regression import regression_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import curve_stroke, letter_stroke

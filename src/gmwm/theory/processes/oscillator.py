@@ -17,6 +17,7 @@ from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import exponential
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
+from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
@@ -132,6 +133,13 @@ class OSC(Process):
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
         return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
+
+    def memory(self, rate: float) -> int | None:
+        """Return the lag at which the autocovariance is negligible; None if it is too large."""
+        decay = self._rates()[0] / as_rate(rate)
+        # The factor (1 + 1/decay)³ covers the double sum of the tail, and (1 + at) near Q = ½.
+        lags = math.ceil((3.0 * math.log1p(1.0 / decay) - math.log(NEGLIGIBLE_CORRELATION)) / decay)
+        return lags if lags <= LONGEST_LAGS else None
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Compute the density of the recursion of the two states, which is a sum of terms that are not negative."""

@@ -9,7 +9,6 @@ from dash import ALL, Dash, Input, Output, State, ctx, html, no_update
 from gmwm.applications.app.commands import number
 from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import Drawn, traces, with_spans
-from gmwm.applications.app.overview import shown_times
 from gmwm.applications.app.page.render import changes, draws, restores, triggers
 from gmwm.applications.app.page.widgets import (
     button,
@@ -24,7 +23,7 @@ from gmwm.applications.app.page.widgets import (
     text_input,
 )
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.workspace import Workspace, shown_times
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
