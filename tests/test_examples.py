@@ -287,6 +287,7 @@ def test_charts_of_the_monitor_are_in_the_files_that_the_layouts_show(tmp_path):
     layout = ElementTree.parse(tmp_path / "plotjuggler.xml")
     curves = [curve.attrib["name"] for curve in layout.iter("curve")]
     assert sorted(curves) == sorted(set(table.columns) - {"time"})
+    assert layout.find("tabbed_widget").attrib == {"name": "Main Window", "parent": "main_window"}
     assert layout.find("Plugins/plugin/default").attrib["time_axis"] == "time"
     assert table.filter(pl.col("time") > 130)["gyro_y/noise_up"].max() > 1 > table["gyro_x/noise_up"].max()
 

@@ -84,7 +84,7 @@ def write_mcap(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
 def plotjuggler_layout(axes: Sequence[str]) -> ElementTree.ElementTree[ElementTree.Element]:
     """Return a layout with a tab for each axis: its charts above its signal."""
     root = ElementTree.Element("root")
-    tabs = ElementTree.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    tabs = ElementTree.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for axis in axes:
         tab = ElementTree.SubElement(tabs, "Tab", tab_name=axis, containers="1")
         container = ElementTree.SubElement(tab, "Container")

@@ -80,12 +80,14 @@ class Interpretation:
         sources = {f"{sensor}_{axis}": f"{sensor}_{mount.get(axis, axis)}" for sensor in SI_UNIT for axis in "xyz"}
         signs = {axis: -1.0 for axis, source in sources.items() if "-" in source}
         names = {source.replace("-", ""): axis for axis, source in sources.items()}
-        columns, words, factors = (
-            {names.get(role, role): value for role, value in by_role.items()}
-            for by_role in (self.choice.columns, self.words, self.factors)
-        )
+
+        def of_vehicle(by_role: Mapping[str, T]) -> dict[str, T]:
+            return {names.get(role, role): value for role, value in by_role.items()}
+
+        factors = of_vehicle(self.factors)
         factors |= {axis: (*factors[axis], sign) for axis, sign in signs.items() if axis in factors}
-        return replace(self, choice=ColumnChoice(columns, self.choice.remarks), words=words, factors=factors)
+        choice = ColumnChoice(of_vehicle(self.choice.columns), self.choice.remarks)
+        return replace(self, choice=choice, words=of_vehicle(self.words), factors=factors)
 
 
 class RowSource(Protocol):
