@@ -75,8 +75,8 @@ cpp-test: $(VENV)/.dev ## run the C++ tests
 	$(BIN)/cmake --build build/cpp-tests --parallel 2
 	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
 
-sanitize: $(VENV)/.dev ## run the C++ tests with the address, undefined-behaviour and thread sanitizers; CXX=clang++ uses Clang
-	$(BIN)/python -m release.systems addresses-$(CXX) threads-$(CXX)
+sanitize: $(VENV)/.dev ## run the C++ tests with three sanitizers, and every kernel with hostile arguments; CXX=clang++ uses Clang
+	$(BIN)/python -m release.systems addresses-$(CXX) threads-$(CXX) module-g++
 
 SYSTEMS :=
 

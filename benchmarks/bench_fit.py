@@ -19,6 +19,7 @@ TRUTH = gmwm.Model.parse(
 OPTIMAL = "fit with optimal weights, certified"
 INTERVALS = "confidence intervals of the fit"
 GOODNESS = "goodness of fit of the fit"
+WHOLE = "fit of AR(2) + 2*GM + RW with intervals and test"
 RESONANT = (
     "AR(2, phi1=1.2, phi2=-0.5, sigma2=1e-6) + GM(beta=0.5, sigma2=2e-6) + GM(beta=0.01, sigma2=1e-6)"
     " + RW(gamma2=1e-13)"
@@ -47,12 +48,19 @@ def cases() -> Iterable[Case]:
     curve = gmwm.wavelet_variance(resonant.simulate(10**6, RATE, np.random.default_rng(2)), RATE)
     for text, target in (("AR(2) + 2*GM + RW", 45.0), ("ARMA(2,1) + 2*GM + RW", 90.0)):
         yield Case(f"fit of {text}", partial(gmwm.fit, text, curve), "np.cumsum of 10^6", cumsum, 11, target)
+    yield Case(WHOLE, partial(_fit_and_test, "AR(2) + 2*GM + RW", curve), "np.cumsum of 10^6", cumsum, 11)
     found = gmwm.fit("AR(2) + 2*GM + RW", curve)
     run = partial(_goodness_of_fit, found)
     yield Case("goodness of fit of AR(2) + 2*GM + RW", run, "np.cumsum of 10^6", cumsum, 11, 30.0)
     given = (wv.upper - wv.lower) ** -2.0
     run = partial(gmwm.fit, model, wv, weighting=given)
     yield Case("fit with weights given, certified", run, "np.cumsum of 10^6", cumsum, 31)
+
+
+def _fit_and_test(model: str, curve: gmwm.WaveletVariance) -> None:
+    fit = gmwm.fit(model, curve)
+    fit.confidence_intervals()
+    fit.goodness_of_fit()
 
 
 def _intervals(fit: gmwm.Fit) -> None:

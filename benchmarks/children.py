@@ -170,6 +170,9 @@ def children(largest: int = 10**9, in_memory: int = 10**8, rows: int = 10**6) ->
 def _of_files(rows: int) -> Iterator[Child]:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
+        run("writing", WRITE.format(n=200, path="small.csv"), folder=folder)
+        yield command("gmwm --version", ["--version"], 0, folder)
+        yield command("gmwm info, csv of 200 rows", ["info", "small.csv"], 1200, folder)
         for kind in ("csv", "parquet"):
             file = f"unit.{kind}"
             run("writing", WRITE.format(n=rows, path=file), folder=folder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from benchmarks.bench_fit import GOODNESS, INTERVALS, OPTIMAL
+from benchmarks.bench_fit import GOODNESS, INTERVALS, OPTIMAL, WHOLE
 from benchmarks.results import Results
 from gmwm.showing.plots.axes import number_text
 
@@ -80,6 +80,9 @@ TARGETS = (
     Target("goodness of fit of the fit", "", 5, 2, lambda r: r.ratio(GOODNESS),
            "a fit without the coarsest levels, with a search before and after its weights converge, and one exact "
            "covariance"),
+    Target("fit, intervals and test of AR(2) + 2·GM + RW, 10⁶ samples", "s", 3.3, 0.1,
+           lambda r: r.took(WHOLE, "np.cumsum of 10^6"),
+           "descents from the points of a scan, a few calls of Python a step; an exact covariance in each iteration"),
     Target("model selection, 79 candidates, one axis", "", 185, 60,
            lambda r: r.ratio("selection from a wavelet variance"),
            "a search for each candidate whose optimum no larger candidate gives, an exact covariance for each "
@@ -94,6 +97,10 @@ TARGETS = (
            "one small module: a name loads its package when it is used"),
     Target("the same with all public names", "s", 0.19, 0.08, lambda r: float(r.child(NAMES)["seconds"]),
            "modules that are read from disk, and the definition of data classes, in about equal parts"),
+    Target("`gmwm --version`, wall time", "s", 0.7, 0.25, lambda r: float(r.child("gmwm --version")["seconds"]),
+           "the start of Python"),
+    Target("`gmwm info` of a small CSV file, wall time", "s", 0.7, 0.6,
+           lambda r: float(r.child("gmwm info, csv of 200 rows")["seconds"]), "the import of Polars and of NumPy"),
     Target("`gmwm fleet`, units of 6 × 6·10⁵ samples, two processors", "units/s", 0.18, 1,
            lambda r: r.child(FLEET)["units"] / r.child(FLEET)["seconds"],
            "the processor time of one unit, mostly its calibration; the processes share their imports"),

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO
@@ -45,6 +45,8 @@ class System:
     """More settings of CMake."""
     runs: bool = True
     """Whether this machine can run the programs. Otherwise the kernels are only compiled."""
+    libraries: tuple[str, ...] = ()
+    """Libraries of the compiler for Python, which then calls the compiled module with hostile arguments."""
 
     def missing(self) -> list[str]:
         """What is needed and not here."""
@@ -57,7 +59,8 @@ class System:
 
     def _cpp_commands(self) -> list[list[str]]:
         folder = str(OUTPUT / self.name)
-        settings = ("GMWM_PYTHON=OFF", "GMWM_TESTS=ON", "CMAKE_BUILD_TYPE=Release", *self.settings)
+        parts = ("GMWM_PYTHON=ON", f"Python_EXECUTABLE={sys.executable}") if self.libraries else ("GMWM_TESTS=ON",)
+        settings = ("GMWM_PYTHON=OFF", *parts, "CMAKE_BUILD_TYPE=Release", *self.settings)
         if not any(setting.startswith("CMAKE_TOOLCHAIN_FILE=") for setting in settings):
             settings = (f"CMAKE_CXX_COMPILER={';'.join(self.compiler)}", *settings)
         cmake, ctest = _tool("cmake"), _tool("ctest")
@@ -65,6 +68,11 @@ class System:
             [cmake, "-S", str(ROOT), "-B", folder, *(f"-D{setting}" for setting in settings), "--log-level=WARNING"],
             [cmake, "--build", folder, "--parallel", "2"],
         ]
+        if self.libraries:
+            paths = " ".join(_library(*self.compiler, name) for name in self.libraries)
+            # Python keeps memory until its end, and a request for more memory than there is must fail as elsewhere.
+            checks = (f"LD_PRELOAD={paths}", "ASAN_OPTIONS=detect_leaks=0:max_allocation_size_mb=4000")
+            return [*build, ["env", *checks, sys.executable, "-m", "tests.fuzz.kernels", "--module", folder]]
         if not self.runs:
             return [build[0], [*build[1], "--target", "gmwm_kernels"]]
         return [*build, [ctest, "--test-dir", folder, "--output-on-failure", "--no-tests=error"]]
@@ -89,6 +97,12 @@ def _is_here(need: str) -> bool:
     return shutil.which(need) is not None and subprocess.run([need, "--version"], capture_output=True).returncode == 0
 
 
+def _library(compiler: str, name: str) -> str:
+    """Return the path of a library of a compiler, or its name without the compiler."""
+    command = [compiler, f"-print-file-name={name}"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.strip() if _is_here(compiler) else name
+
+
 def _tool(name: str) -> str:
     """The program beside this Python, or else the one on the path."""
     beside = Path(sys.executable).with_name(name)
@@ -108,6 +122,12 @@ def _sanitized(kind: str, flag: str, compiler: str) -> System:
     # Clang takes minutes for a file of the Kalman filter that is both checked everywhere and optimised.
     settings = ("CMAKE_BUILD_TYPE=Debug", "CMAKE_CXX_FLAGS_DEBUG=-O1 -g", f"CMAKE_CXX_FLAGS={flags}")
     return System(name=f"{kind}-{compiler}", needs=(compiler,), compiler=(compiler,), settings=settings)
+
+
+def _hostile(compiler: str) -> System:
+    """Return the compiled module with sanitizers, whose functions `tests.fuzz.kernels` calls."""
+    sanitized = _sanitized("module", "address,undefined,float-cast-overflow", compiler)
+    return replace(sanitized, libraries=("libasan.so", "libstdc++.so"))
 
 
 def _arm() -> System:
@@ -164,6 +184,7 @@ SYSTEMS = (
     _emscripten(),
     *(_sanitized("addresses", "address,undefined", compiler) for compiler in ("g++", "clang++")),
     *(_sanitized("threads", "thread", compiler) for compiler in ("g++", "clang++")),
+    _hostile("g++"),
     *(System(name=f"python3.{minor}", needs=(f"python3.{minor}",)) for minor in (10, 11, 12, 13, 14)),
 )
 

@@ -27,7 +27,8 @@ def imu_of(x):
 
 
 NAMED = {
-    "output-clipped:noise", "output-clipped:rare", "output-rounded:counter", "level-steps", "trend:swing",
+    "output-clipped:noise", "output-clipped:rare", "output-rounded:counter", "level-steps:clear",
+    "level-steps:possible", "trend:swing",
     "fault-undone:held",
     "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
     "fault-undone:wrapped",
@@ -96,7 +97,7 @@ def test_a_counter_is_named_and_keeps_its_numbers(kind):
     x = faults.FAULTS[kind](SAMPLES, np.random.default_rng(2))
     found = named(x)
     assert "output-rounded:counter" in found
-    assert not {"coarse-output", "output-clipped:noise", "level-steps", "knocks"} & found
+    assert not {"coarse-output", "output-clipped:noise", "level-steps:clear", "level-steps:possible", "knocks"} & found
     calibration = gmwm.calibrate(imu_of(x), "WN + QN + RW")
     assert calibration.axes["gyro_x"].verdict.replaced.spikes == 0
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
@@ -222,3 +223,32 @@ def test_slow_recordings_are_calibrated(rate):
     x = np.random.default_rng(1).normal(0, 1e-6, 5_000)
     calibration = gmwm.calibrate(Signal(x, rate, "rad/s", axis="gyro_x"), "WN + RW")
     assert calibration.datasheets["gyro_x"]["N"].value == pytest.approx(1e-6 / np.sqrt(rate), rel=0.05)
+
+
+def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
+    x = faults.jumps_in_walk(120_000, np.random.default_rng(2))
+    inspection = seen(x)
+    remark = only(inspection.remarks, "level-steps:possible", "gyro_x")
+    assert all(step.possible for step in inspection.steps)
+    assert remark.facts["count"] == len(inspection.steps)
+    calibration = gmwm.calibrate(imu_of(x), "WN + RW")
+    verdict = calibration.number_verdicts["gyro_x"]["K"]
+    assert verdict.usability.value == "use as a bound"
+    assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
+
+
+@pytest.mark.slow
+def test_a_day_with_harmonics_is_a_part_of_the_model():
+    rng, rate = np.random.default_rng(8), 0.25
+    time = np.arange(int(4 * 86_400 * rate)) / rate
+    x = 1e-5 * rng.normal(size=time.size)
+    x += sum(size * np.sin(2 * np.pi * k * time / 86_400 + k) for k, size in ((1, 4e-6), (2, 1.5e-6)))
+    calibration = gmwm.calibrate(Imu({"gyro_x": Signal(x, rate, "rad/s", axis="gyro_x")}))
+    processes = calibration.axes["gyro_x"].fit.model.processes
+    periods = [1 / process.line(rate)[1] / rate for process in processes if process.name == "SIN"]
+    assert any(period == pytest.approx(86_400) for period in periods)
+    assert any(period == pytest.approx(43_200) for period in periods)
+    assert not any(remark.facts.get("case") == "swing" for remark in calibration.remarks)
+    number = calibration.datasheets["gyro_x"]["N"]
+    assert number.low < 1e-5 / rate**0.5 < number.high
+    assert number.high < 1.05 * number.low

@@ -44,7 +44,7 @@ def test_a_stream_is_looked_at_as_the_recording(tmp_path, chunk):
     a, b = whole.to_dict(), chunked.to_dict()
     assert [k["time"] for k in a["knocks"]] == [k["time"] for k in b["knocks"]]
     assert codes(whole.remarks) == codes(chunked.remarks)
-    assert {"gaps", "recording-moved:moved", "knocks", "level-steps"} <= {*codes(whole.remarks)}
+    assert {"gaps", "recording-moved:moved", "knocks", "level-steps:clear"} <= {*codes(whole.remarks)}
     assert_alike(a, b)
 
 

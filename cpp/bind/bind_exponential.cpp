@@ -182,7 +182,7 @@ std::optional<std::tuple<Found, Result, double, double>> reweight(const Search& 
   setting.shapes.assign(shapes.data(), shapes.data() + shapes.size());
   setting.curved = curved.shape(0);
   const double* option = options.data();
-  const auto whole = [&](int k) { return static_cast<std::size_t>(std::max(option[k], 1.0)); };
+  const auto whole = [&](int k) { return static_cast<std::size_t>(option[k] >= 1 ? std::min(option[k], 1e6) : 1.0); };
   setting.loss = option[0], setting.rounding = option[1];
   setting.options = {option[3], option[4], option[5], option[2], option[6], whole(7), whole(8), whole(9)};
   gmwm::Estimate estimate{copied(scales), {}};

@@ -1,5 +1,7 @@
 #include <nanobind/nanobind.h>
 
+#include "gmwm/pause.hpp"
+
 namespace nb = nanobind;
 
 void bind_arma(nb::module_& m);
@@ -19,7 +21,18 @@ void bind_whitening(nb::module_& m);
 void bind_outliers(nb::module_& m);
 void bind_spectral_shape(nb::module_& m);
 
+namespace {
+
+// Python looks for Ctrl-C on its main thread only. There, KeyboardInterrupt ends the kernel.
+void interrupt() {
+  const nb::gil_scoped_acquire acquire;
+  if (PyErr_CheckSignals() != 0) throw nb::python_error();
+}
+
+}  // namespace
+
 NB_MODULE(_core, m) {
+  gmwm::interruption = &interrupt;
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
   // A command ends without a search for reference cycles, and its accumulators may be in some. That is no leak.
   nb::set_leak_warnings(false);

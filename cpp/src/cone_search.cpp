@@ -2,9 +2,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "gmwm/cone.hpp"
 #include "gmwm/dense.hpp"
+#include "gmwm/pause.hpp"
 
 namespace gmwm {
 
@@ -112,6 +114,8 @@ std::vector<Cone::Node> Cone::split(const Node& node) const {
 }
 
 Certified Cone::search(std::size_t k, double gap, std::size_t max_nodes, std::span<const double> starts) {
+  // 20 points are shared among four branches in more than 10^3 ways, and a model has at most one for two levels.
+  if (k > 16) throw std::invalid_argument("a search has at most 16 points");
   Certified result;
   const Relaxed root = relax();
   result.relaxed = root.bound;
@@ -148,7 +152,9 @@ Certified Cone::search(std::size_t k, double gap, std::size_t max_nodes, std::sp
   for (Box& box : boxes) push({std::move(box), root.bound, root.atoms});
 
   double closed = infinity;  // smallest bound of the nodes that were not divided
+  Pause pause(1);
   while (!open.empty() && result.nodes < max_nodes && open.front().bound < cutoff()) {
+    pause();
     std::pop_heap(open.begin(), open.end(), later);
     Node node = std::move(open.back());
     open.pop_back();

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "gmwm/kalman_step.hpp"
+#include "gmwm/pause.hpp"
 
 namespace gmwm {
 
@@ -190,7 +191,9 @@ GMWM_INLINE void filter_inline(Run& run, std::span<double> standardised, Innovat
   std::size_t seen = 0;
   std::array<double, check_every> weights, variances;
   Changes<double> changes(m, observed_run(y, n) == n);
+  Pause pause(256);
   for (std::size_t t = 0; t < n;) {
+    pause();
     if (!m.settled && !changes.running() && n - t >= check_every && observed_run(y + t, check_every) == check_every) {
       const Quick quick = changing_block(run, t, check_every, weights.data(), variances.data());
       if (quick == Quick::singular) {

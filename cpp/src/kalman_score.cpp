@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "gmwm/kalman_step.hpp"
+#include "gmwm/pause.hpp"
 
 namespace gmwm {
 
@@ -228,7 +229,9 @@ GMWM_INLINE void pass(Machine<Dual<L>>& m, const Series& series, Sums<L>& sums, 
   double settled_log = 0;
   std::size_t seen = 0;
   Changes<Dual<L>> changes(m, observed_run(y, n) == n);
+  Pause pause(256);
   for (std::size_t t = 0; t < n;) {
+    pause();
     if (m.settled) {
       const std::size_t some = observed_run(y + t, std::min(block, n - t));
       for (std::size_t a = 0; a < k; ++a)

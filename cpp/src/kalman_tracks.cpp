@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "gmwm/kalman_step.hpp"
+#include "gmwm/pause.hpp"
 
 namespace gmwm {
 
@@ -99,6 +100,7 @@ class Tracker {
  private:
   // Filters sample t and stores the result in seen_.
   bool step(std::size_t t) {
+    pause_();
     Machine<double>& m = now_.machine;
     const double* y = series_.row(0);
     seen_.there = y[t] == y[t];
@@ -155,6 +157,7 @@ class Tracker {
         kept[t - first] = seen_;
       }
       for (std::size_t t = last; t-- > first;) {
+        pause_();
         tell(t, kept[t - first], &r, &N);
         before(kept[t - first], r, N);
       }
@@ -269,6 +272,7 @@ class Tracker {
   Standing now_;
   Seen seen_;
   std::vector<Standing> marks_;
+  Pause pause_{256};
   std::vector<double> filtered_, next_, part_, reach_, row_, effect_, whole_, beta_, covariance_;
 };
 

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <vector>
 
+#include "gmwm/pause.hpp"
+
 namespace gmwm {
 
 void second_order_sections(std::span<const double> sections, std::span<double> state, std::span<double> x) {
@@ -46,7 +48,9 @@ void least_squares_innovations(std::span<const double> responses, double unknown
                                std::span<double> moments, std::span<double> e) {
   const std::size_t m = moments.size();
   std::vector<double> factor(m * m), of_response(m), of_moments(m);
+  Pause pause(256);
   for (std::size_t t = 0; t < e.size(); ++t) {
+    pause();
     const double* g = responses.data() + t * m;
     cholesky(information.data(), m, factor.data());
     forward(factor.data(), m, g, of_response.data());

@@ -38,6 +38,14 @@ def test_a_pipe_is_not_a_recording(tmp_path, pattern):
     assert units.left_out == ("pipe", "pipe.csv", "zero.csv")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_the_summary_names_what_is_no_recording(tmp_path):
+    recording(tmp_path / "unit.csv")
+    os.mkfifo(tmp_path / "pipe.csv")
+    found = fleet(tmp_path, tmp_path / "out", within="WN", workers=0)
+    assert "No recordings, left out (1 file):\n- pipe.csv" in found.summary()
+
+
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="the system has no permissions of Unix")
 def test_a_folder_that_cannot_be_listed_is_an_error(tmp_path, monkeypatch):
     recording(tmp_path / "unit.csv")

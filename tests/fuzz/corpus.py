@@ -23,6 +23,7 @@ from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.given import given_calibration
 from tests.readers import rosbag_files, test_dataflash, test_imr, test_matlab, test_ulog, test_waypoint
 from tests.readers.test_layouts import LAYOUTS
+from tests.readers.test_loggers import LAYOUTS as LOGGERS
 
 ROWS = 300
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -181,10 +182,10 @@ def devices() -> Files:
 
 def layouts() -> Files:
     """Files of loggers as their descriptions state, which are read without options."""
-    for k, layout in enumerate(LAYOUTS):
+    for k, layout in enumerate((*LAYOUTS, *LOGGERS)):
         if not layout.options:
             name = layout.file if layout.file in ("ms25.csv", "xsens_imu.csv") else f"{k}_{layout.file}"
-            yield name, layout.text().encode()
+            yield name, layout.text().encode(layout.encoding)
 
 
 FAMILIES: dict[str, Callable[[Path], Files]] = {

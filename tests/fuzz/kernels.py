@@ -10,16 +10,22 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
+import pickle
 import re
 import resource
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.fuzz.arguments import Calls
+
+RECORDED = Path("build") / "fuzz" / "arguments.pickle"
 SIZES = (0, 1, 2, 3, 4, 5, 8, 16, 17, 33, 64, 65, 257)
 WHOLE = (
     0, 1, 2, 3, 4, 5, 7, 8, 16, 31, 32, 33, 62, 63, 64, 100, 1000, -1, 2**31 - 1, 2**31, 2**32, 2**61, 2**62, 2**63 - 1,
@@ -139,18 +145,47 @@ def surface(file: str) -> dict[str, tuple[Any, list[str], Any]]:
     return found
 
 
-def call(number: int, seed: int, functions: dict[str, tuple[Any, list[str], Any]]) -> str:
-    """Make one call; return its outcome."""
+def changed(arguments: Arguments, values: tuple[Any, ...], kinds: list[str]) -> list[Any]:
+    """Return good arguments with up to two changes: another value, or one number of an array, or another length."""
+    new, rng = list(values), arguments.rng
+    for at in rng.integers(0, max(len(new), 1), int(rng.integers(3))).tolist() if new else ():
+        old = new[at]
+        if isinstance(old, np.ndarray) and old.size and rng.random() < 0.7:
+            array = np.array(old)
+            if rng.random() < 0.5:
+                extreme = WHOLE[:-3] if array.dtype.kind == "i" else NUMBERS
+                array.flat[int(rng.integers(array.size))] = extreme[int(rng.integers(len(extreme)))]
+            else:
+                array = array[: int(rng.integers(len(array) + 1))]
+            new[at] = np.ascontiguousarray(array)
+        else:
+            new[at] = arguments.of(kinds[at])
+    return new
+
+
+def call(number: int, seed: int, functions: dict[str, tuple[Any, list[str], Any]], recorded: Calls) -> str:
+    """Make one call; return its outcome. Three of four calls begin with arguments of a calibration."""
     rng = np.random.default_rng([seed, number])
     names = list(functions)
     name = names[number % len(names)]
     function, kinds, owner = functions[name]
     arguments = Arguments(rng)
+
+    def apply(function: Any, name: str, kinds: list[str], *, hostile: bool) -> Any:
+        calls = recorded.get(name, [])
+        if not calls or rng.random() < 0.25:
+            return function(*(arguments.of(kind) for kind in kinds))
+        values, count, labels = calls[int(rng.integers(len(calls)))]
+        new = changed(arguments, values, kinds) if hostile and len(values) <= len(kinds) else list(values)
+        new = [np.array(value) if isinstance(value, np.ndarray) else value for value in new]
+        return function(*new[:count], **dict(zip(labels, new[count:], strict=True)))
+
     try:
         if owner is not None and not name.endswith("__init__"):
-            made = owner(*(arguments.of(kind) for kind in functions[f"{owner.__name__}.__init__"][1]))
+            create = f"{owner.__name__}.__init__"
+            made = apply(owner, create, functions[create][1], hostile=False)
             function = function.__get__(made) if hasattr(function, "__get__") else function
-        function(*(arguments.of(kind) for kind in kinds))
+        apply(function, name, kinds, hostile=True)
     except REFUSALS as error:
         return type(error).__name__
     return "answer"
@@ -162,13 +197,14 @@ def child(first: int, last: int, seed: int, file: str) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     functions = surface(file)
+    recorded = pickle.loads(RECORDED.read_bytes())
     with np.errstate(all="ignore"):
         for number in range(first, last):
             # Ends the process, because a kernel does not handle signals.
             signal.setitimer(signal.ITIMER_PROF, LONGEST)
             sys.stdout.write(f"{number}\n")
             sys.stdout.flush()
-            sys.stdout.write(f"{number} {call(number, seed, functions)}\n")
+            sys.stdout.write(f"{number} {call(number, seed, functions, recorded)}\n")
             signal.setitimer(signal.ITIMER_PROF, 0)
 
 
@@ -179,12 +215,18 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--child", type=int, default=0)
-    parser.add_argument("--module", default="", help="file of another build of the compiled module")
+    parser.add_argument("--module", default="", help="another build of the compiled module, or its folder")
     given = parser.parse_args()
+    if Path(given.module).is_dir() and given.module:
+        given.module = str(next(Path(given.module).glob("_core*.so")))
     if given.child:
         child(given.first, given.child, given.seed, given.module)
         return 0
     first, outcomes, failures = given.first, dict[str, int](), 0
+    RECORDED.parent.mkdir(parents=True, exist_ok=True)
+    if not RECORDED.exists():
+        environment = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+        subprocess.run([sys.executable, "-m", "tests.fuzz.arguments", str(RECORDED)], check=True, env=environment)
     names, begin = list(surface(given.module)), time.monotonic()
     while first < given.calls:
         command = [sys.executable, "-m", "tests.fuzz.kernels", "--child", str(given.calls), "--first", str(first)]

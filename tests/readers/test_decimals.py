@@ -74,8 +74,8 @@ def test_commented_rows_are_counted(tmp_path):
 
 @pytest.mark.parametrize(
     ("names", "size"),
-    [("gps_sow,gps_ms", 3), ("epoch,millis", 3), ("frame.secs,frame.nsecs", 9), ("time_sec,time_nsec", 9),
-     ("sec,usec", 6), ("seconds,nanoseconds", 9), ("tv_sec,tv_usec", 6), ("time,ms", 3),
+    [("gps_sow,gps_ms", 3), ("epoch,millis", 3), ("frame.secs,frame.nsecs", 9),
+     ("time_sec,time_nsec", 9), ("sec,usec", 6), ("seconds,nanoseconds", 9), ("tv_sec,tv_usec", 6), ("time,ms", 3),
      ("timestamp_s,fraction", 6), ("header.stamp.sec,header.stamp.nanosec", 9), ("t,us", 6), ("secs,nsecs", 9)],
 )  # fmt: skip
 def test_seconds_and_fractions_are_joined(tmp_path, names, size):

@@ -41,7 +41,7 @@ from gmwm.measuring.outliers import (
 from gmwm.measuring.outliers.screening import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression
-from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.measuring.spectrum import Line, PowerSpectrum
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
@@ -164,7 +164,11 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Execution 
         for axis, item in items.items():
             item.curves = None  # frees the memory
             accumulators[axis].append(item)
-    axes = in_threads(lambda axis, own: _together(own, accumulators[axis]), parts, threads=run.threads)
+    swings = [swing for items in inspections.values() for item in items for swing in item.swings]
+    days = {swing.axis: swing.lines() for swing in swings if len(recordings.parts) == 1}
+    axes = in_threads(
+        lambda axis, own: _together(own, accumulators[axis], days.get(axis, ())), parts, threads=run.threads
+    )
     return Measurements(axes, inspections, findings)
 
 
@@ -349,9 +353,10 @@ def _first_samples(recording: Part) -> Mapping[str, Signal]:
 
 
 def _together(
-    parts: Sequence[MeasuredAxis | GmwmError], accumulators: Sequence[AxisAccumulator]
+    parts: Sequence[MeasuredAxis | GmwmError], accumulators: Sequence[AxisAccumulator], day: tuple[Line, ...]
 ) -> MeasuredAxis | GmwmError:
-    """Return one axis of all recordings, with its spectrum; the first error if it cannot be measured in one of them."""
+    """Return one axis of all recordings, with its spectrum and the lines of a day; the first error if it cannot be
+    measured in one of them."""
     mappings: dict[str, dict[str, Any]] = {}
     for part in parts:
         if isinstance(part, GmwmError):
@@ -361,4 +366,7 @@ def _together(
                 mappings.setdefault(entry.name, {}).update(values)
         axis = part.axis
     first, others = accumulators[:1], accumulators[1:]
-    return MeasuredAxis(axis=axis, spectrum=first[0].spectrum(others) if first else None, **mappings)
+    spectrum = first[0].spectrum(others) if first else None
+    if spectrum is not None and day:
+        spectrum = replace(spectrum, lines=(*day, *spectrum.lines))
+    return MeasuredAxis(axis=axis, spectrum=spectrum, **mappings)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
 from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
+    from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.inspection import Inspection
     from gmwm.measuring.outliers import Verdict
 
@@ -24,12 +26,14 @@ def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
     """Yield the remarks of an inspection that matter for the calibration. Remarks on trends and quantization name the
-    affected numbers. A linear trend that the model describes as a drift is left out, and so are knocks, and motion that
-    was replaced like a knock."""
+    affected numbers. A linear trend that the model describes as a drift is left out, a swing that it describes as a
+    line, knocks, and motion that was replaced like a knock."""
     for remark in inspection.remarks:
         if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue
         axis_calibration = axes.get(remark.subject)
+        if axis_calibration is not None and _is_modelled(remark, axis_calibration.fit):
+            continue
         if (
             remark.code == "conditions"
             and remark.facts["case"] == "removed"
@@ -60,6 +64,15 @@ def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
     return {
         "pairs": pairs, "count": len(pairs), "strongest": pairs[:3], "many": "yes" if len(pairs) > 3 else "no",
     }  # fmt: skip
+
+
+def _is_modelled(remark: Remark, fit: Fit) -> bool:
+    """Return whether a remark is on a swing of the mean that is a line of the model, so that K does not contain it."""
+    period, rate = remark.facts.get("period"), fit.wavelet_variance.rate
+    if remark.facts.get("case") != "swing" or not isinstance(period, Quantity):
+        return False
+    lines = [line[1] for process in fit.model.processes if (line := process.line(rate)) is not None]
+    return any(math.isclose(abs(cycles) * rate * period.value, 1, rel_tol=1e-6) for cycles in lines)
 
 
 def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:

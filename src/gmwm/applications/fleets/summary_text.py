@@ -29,14 +29,18 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
     failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
     parts = [wrap_text(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
-    if fleet.failed:
-        listed = [
-            line for unit, why in list(fleet.failed.items())[:MOST_UNITS_LISTED] for line in bullet(f"{unit}: {why}")
-        ]
-        more = [f"- and {len(fleet.failed) - MOST_UNITS_LISTED} more"] if len(fleet.failed) > MOST_UNITS_LISTED else []
-        parts.append([f"Failed ({counted(len(fleet.failed), 'unit')}):", *listed, *more])
+    failed = [f"{unit}: {why}" for unit, why in fleet.failed.items()]
+    parts.append(_listed(f"Failed ({counted(len(failed), 'unit')}):", failed))
+    parts.append(_listed(f"No recordings, left out ({counted(len(fleet.left_out), 'file')}):", fleet.left_out))
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
+
+
+def _listed(title: str, entries: Sequence[str]) -> list[str]:
+    """Return a title and the first entries; nothing without entries."""
+    shown = [line for entry in entries[:MOST_UNITS_LISTED] for line in bullet(entry)]
+    more = [f"- and {len(entries) - MOST_UNITS_LISTED} more"] if len(entries) > MOST_UNITS_LISTED else []
+    return [title, *shown, *more] if entries else []
 
 
 def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:

@@ -308,17 +308,17 @@ def _with_filter(
     """Return the choice with the shape of a filter if a term may describe one, and the test accepts the shape."""
     if spectrum is None or not _has_filter(choice.ranking.recommended.fit):
         return choice
-    *before, last = choice.steps
+    (slow,) = choice.steps
     steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
         shaped = _with_shape(peaks, spectrum, order, options, check, "filter")
         if isinstance(shaped, ModelChoice):
             if _is_accepted(shaped.ranking):
-                return shaped.after(*before, replace(last, left="filter-possible", used=False), *steps)
+                return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
             steps += [replace(step, left="rejected", used=False) for step in shaped.steps]
         elif shaped is not None:
             steps.append(shaped)
-    return replace(choice, steps=(*before, replace(last, left="filter-possible" if steps else last.left), *steps))
+    return replace(choice, steps=(replace(slow, left="filter-possible" if steps else slow.left), *steps))
 
 
 def _with_result(step: SearchStep, ranking: Ranking) -> SearchStep:
@@ -346,7 +346,9 @@ def _is_accepted(ranking: Ranking) -> bool:
 
 def _has_filter(fit: Fit) -> bool:
     """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
-    return any(process.scale > 0 and acts_as_filter(process, fit) for process in fit.model.processes)
+    return any(
+        process.scale > 0 and not _is_held(process) and acts_as_filter(process, fit) for process in fit.model.processes
+    )
 
 
 class _Judged(NamedTuple):

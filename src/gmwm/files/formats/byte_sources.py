@@ -296,8 +296,9 @@ class _CountingStream(io.RawIOBase):
         try:
             data = self._stream.read(len(view))
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
+            where = f"after {self._count} unpacked bytes" if self._count else "at its beginning"
             raise PackedError(
-                f"{self._name} is damaged or truncated after {self._count} unpacked bytes ({error})",
+                f"{self._name} is damaged or truncated {where} ({error})",
                 code="damaged",
                 advice="Copy the file again.",
             ) from error

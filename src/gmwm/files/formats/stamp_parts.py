@@ -24,7 +24,7 @@ _MOST_ROWS = 4096
 @dataclass(frozen=True)
 class StampParts:
     """Indices of the columns of seconds and of their fractions, and the number of units of the fraction in a second; 1
-    if the fraction is a decimal number below 1."""
+    for decimal numbers below 1."""
 
     seconds: int
     fraction: int

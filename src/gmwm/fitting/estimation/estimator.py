@@ -354,10 +354,10 @@ def _measure(
         signal = data if isinstance(data, Signal) else as_vector(data, "x")
         wv = wavelet_variance(signal, rate, filter=moments, robust=robust, efficiency=efficiency)
         wv = with_tails(wv, signal if isinstance(signal, Signal) else Signal(signal, wv.rate))
-    if not np.any(wv.variance > 0):
+    if not np.any(wv.variance > np.finfo(np.float64).tiny):
         raise ModelError(
-            "the signal is constant: its wavelet variance is zero at every level",
-            advice="Check that the sensor was recording, and that the right column was read.",
+            "the signal is constant, or too small for double precision: its wavelet variance is zero at every level",
+            advice="Check that the sensor was recording, that the right column was read, and its unit.",
         )
     return wv
 

@@ -29,8 +29,6 @@ PARTS = 4
 """Number of parts of a bin over which the curve of the model is averaged. The outer bins of an irregular condition are
 wide: the curve at the mean condition may differ from the mean by 2 %, that of four parts by less than 0.6 %
 (tests/estimation/test_moving.py)."""
-PART_QUANTILES = 16
-"""Number of conditions that represent a part of a bin."""
 SHORTEST = 16
 """Number of samples over which the condition is averaged before it is assigned to a bin."""
 
@@ -123,9 +121,9 @@ def _quantiles(values: Vector, runs: list[tuple[int, int]], width: int) -> NDArr
         weights.append(np.minimum(np.minimum(place, place[::-1]), min(width, b - a - width + 1)))
     order = np.argsort(conditions)
     cumulative = np.cumsum(np.concatenate(weights)[order])
-    count = PARTS * PART_QUANTILES
+    count = PARTS * 16  # 16 conditions represent a part
     place = np.searchsorted(cumulative, (np.arange(count) + 0.5) / count * cumulative[-1])
-    return np.asarray(conditions[order[place]].reshape(PARTS, PART_QUANTILES))
+    return np.asarray(conditions[order[place]].reshape(PARTS, -1))
 
 
 def _runs(signal: Signal, values: Vector) -> list[list[tuple[int, int]]]:

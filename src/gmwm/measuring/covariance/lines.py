@@ -21,13 +21,14 @@ contributes c_j = 2μ_j A H_j D_j(ω).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import MissingTheoryError
 from gmwm.measuring.covariance import filtered
 from gmwm.measuring.covariance.design import Design
@@ -87,8 +88,8 @@ def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, 
     if noise is not None:
         many = [line for line in lines if np.any(_stages(line, design) < 0)]
         density = dict(zip(many, _density(noise, [line.cycles for line in many], design).tolist(), strict=True))
-        for line in lines:
-            total += _with_noise(noise, line, design, density=density.get(line, 0.0), diagonal=diagonal)
+        for part in _with_noise(noise, {line: density.get(line, 0.0) for line in lines}, design, diagonal=diagonal):
+            total += part
     return np.asarray(np.diag(total).copy() if diagonal else total)
 
 
@@ -154,30 +155,45 @@ def _mean_turns(
 # --- line and noise -----------------------------------------------------------------------------------
 
 
-def _with_noise(noise: Model, line: TermLine, design: Design, *, density: float, diagonal: bool) -> Matrix:
-    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of a sinusoid and noise, from the spectral
-    `density` of the noise at the sinusoid for levels that are not summed over lags."""
+def _with_noise(noise: Model, lines: Mapping[TermLine, float], design: Design, *, diagonal: bool) -> list[Matrix]:
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of each sinusoid and the noise, from the
+    spectral density of the noise at the sinusoid for levels that are not summed over lags."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
-    stages = _stages(line, design)
-    total = np.zeros((size, size))
-    if np.any(stages < 0):
-        square = np.abs(line.gain) ** 2
-        total += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
-    if np.any(stages >= 0):
-        lags = filtered.Lags(noise, design)
-    for a in np.flatnonzero(stages >= 0).tolist():
-        stage = int(stages[a])
+    stages = [_stages(line, design) for line in lines]
+    parts = [np.zeros((size, size)) for _ in lines]
+    for part, (line, density), steps in zip(parts, lines.items(), stages, strict=True):
+        if np.any(steps < 0):
+            square = np.abs(line.gain) ** 2
+            part += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
+    summed = [(part, line, steps) for part, line, steps in zip(parts, lines, stages, strict=True) if np.any(steps >= 0)]
+    if not summed:
+        return parts
+    # The covariances of the noise are the same for all lines, and so is the spacing of lags of a level.
+    lags = filtered.Lags(noise, design)
+    for a in range(size):
+        here = [(part, line) for part, line, steps in summed if steps[a] >= 0]
+        if not here:
+            continue
+        stage = max(int(steps[a]) for _, _, steps in summed)
+        turns = [_turns(line.cycles, stage, design.samples) for _, line in here]
         for b, first, values in lags.covariances(a, stage, a + 1 if diagonal else size):
-            u = np.arange(first, first + values.size)
-            turn = np.exp(2j * np.pi * np.fmod(math.ldexp(line.cycles, stage) * u, 1.0))
-            shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
-            total[a, b] = (
-                4.0
-                * filtered.weighed(values * shared, first, stage=stage, design=design, a=a, b=b)
-                / (counts[a] * counts[b])
-            )
-            total[b, a] = total[a, b]
-    return total
+            begin = first + (design.samples >> stage) + 1
+            for (part, line), turn in zip(here, turns, strict=True):
+                turn = turn[begin : begin + values.size]
+                shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
+                part[a, b] = part[b, a] = (
+                    4.0
+                    * filtered.weighed(values * shared, first, stage=stage, design=design, a=a, b=b)
+                    / (counts[a] * counts[b])
+                )
+    return parts
+
+
+@lru_cache(maxsize=32)
+def _turns(cycles: float, stage: int, samples: int) -> NDArray[np.complex128]:
+    """Return e^(iωu) at all lags u that are 2^stage apart, from −N on."""
+    reach = (samples >> stage) + 1
+    return freeze(np.exp(2j * np.pi * np.fmod(math.ldexp(cycles, stage) * np.arange(-reach, reach + 1), 1.0)))
 
 
 def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:

@@ -34,8 +34,8 @@ class TailLimits:
 
     block: int = 128
     """Number of samples of the shortest blocks."""
-    block_of_short: int = 32
-    """Number of samples of the shortest blocks of a recording with fewer than 48 blocks of the usual size."""
+    block_with_lags: int = 32
+    """Number of samples of the shortest blocks if there are moments at lags, which are for short series."""
     least_block_in_scales: int = 8
     """Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
     correlated."""
@@ -172,12 +172,11 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
     True
     """
-    short = wv.samples < 2 * LIMITS.least_blocks * LIMITS.block
-    sums = TailSums(LIMITS.block_of_short if short else LIMITS.block)
+    haar = wv.without_lags
+    sums = TailSums(LIMITS.block if haar is wv else LIMITS.block_with_lags)
     for segment in x.segment_values():
         sums.update(segment)
         sums.gap()
-    haar = wv.without_lags
     excess, places = sums.excess(haar), np.searchsorted(haar.levels, np.maximum(wv.levels, 1))
     return None if excess is None else excess[np.ix_(places, places)]
 

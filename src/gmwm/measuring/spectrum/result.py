@@ -122,7 +122,8 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
         """Return the spectrum with densities averaged over bins of constant relative width, except around peaks.
 
         At low frequencies, and within six bins of a line, every frequency is kept. A bump has eight bins per width. The
-        frequency 0, which contains the mean of the signal, and the last frequency are left out. `Calibration` stores this spectrum, and plots show it.
+        frequency 0, which contains the mean of the signal, and the last frequency are left out. `Calibration` stores
+        this spectrum, and plots show it.
         `per_octave` is the number of bins per octave, at least 1.
         """
         as_whole_number(per_octave, "per_octave", 1)

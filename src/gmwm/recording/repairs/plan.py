@@ -225,6 +225,8 @@ def _frozen_length(values: Vector, same: Mask) -> int:
 def _straight_length(values: Vector, begins: Indices) -> int:
     """Return the smallest number of samples in a row on a straight line that chance does not explain."""
     line = straight(values, begins)
+    if line.size < 3:
+        return 0
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(float(np.mean(alone)), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)

@@ -113,14 +113,16 @@ class OSC(Process):
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the generalised covariance A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms
         would cancel otherwise."""
-        x = 2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags))
-        before, last, series = 1.0, 0.0, np.zeros(x.shape)  # coefficients of x⁰ and x¹ in r/σ²
-        small = np.minimum(x, 1.0)
+        x = np.asarray(2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags)))
+        result, near = np.array(self.autocovariance(lags, rate) - self.scale), x < 1.0
+        before, last, small = 1.0, 0.0, x[near]  # coefficients of x⁰ and x¹ in r/σ²
+        series = np.zeros(small.shape)
         # Terms of the series of the autocovariance at ω₀t < 1, whose n-th term is below 2ⁿ/n!.
         for n in range(2, 40):
             before, last = last, -((n - 1) / self.value("quality") * last + before) / (n * (n - 1))
             series += last * small**n
-        return np.asarray(np.where(x < 1.0, self.scale * series, self.autocovariance(lags, rate) - self.scale))
+        result[near] = self.scale * series
+        return result
 
     def exponential_sum(self, rate: float) -> ExponentialSum:
         """Return the pair of complex exponentials of the autocovariance."""
