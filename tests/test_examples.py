@@ -4,15 +4,19 @@ import contextlib
 import io
 import json
 import re
+import struct
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import polars as pl
 import pytest
 from scipy.linalg import block_diag
 
 import gmwm
 from examples import array, contaminated, departures, imu_tools, navigation, paper
+from examples.monitor import charts
 
 SEED = 2018
 
@@ -266,3 +270,49 @@ def test_departures_print_a_fit_that_does_not_see_them(capsys):
     assert capsys.readouterr().out.count("of GM + WN") == 3
     path = departures.draw(departures.bias_instability(100, 30, 1.0), np.random.default_rng(SEED))
     assert np.unique(path.round(5)).size == 4
+
+
+def test_charts_of_the_monitor_are_in_the_files_that_the_layouts_show(tmp_path):
+    truth = {"gyro": "WN(sigma2=4e-7)", "accel": "WN(sigma2=1e-4)"}
+    healthy, broken = (gmwm.simulate(truth, rate=100.0, samples=20_000, rng=seed) for seed in (1, 2))
+    gmwm.calibrate(healthy, within="WN").save(tmp_path / "calibration.json")
+    values = {axis: broken[axis].values.copy() for axis in broken}
+    values["gyro_y"][12_000:] *= 1.5
+    gmwm.Imu.from_arrays(values, rate=100.0).write(tmp_path / "broken.csv")
+    calibration, recording = str(tmp_path / "calibration.json"), str(tmp_path / "broken.csv")
+    trace = charts.main([calibration, recording, "--output", str(tmp_path)])
+    assert [event.axis for event in trace.events] == ["gyro_y"]
+
+    table = pl.read_csv(tmp_path / "charts.csv")
+    layout = ElementTree.parse(tmp_path / "plotjuggler.xml")
+    curves = [curve.attrib["name"] for curve in layout.iter("curve")]
+    assert sorted(curves) == sorted(set(table.columns) - {"time"})
+    assert layout.find("tabbed_widget").attrib == {"name": "Main Window", "parent": "main_window"}
+    assert layout.find("Plugins/plugin/default").attrib["time_axis"] == "time"
+    assert table.filter(pl.col("time") > 130)["gyro_y/noise_up"].max() > 1 > table["gyro_x/noise_up"].max()
+
+    messages = list(mcap_messages((tmp_path / "charts.mcap").read_bytes()))
+    fields = {f"{topic}.{name}" for topic, _, message in messages for name in message}
+    panels = json.loads((tmp_path / "foxglove.json").read_text(encoding="utf-8"))["configById"]
+    paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())} - {"1"}
+    assert len(paths) == 18
+    assert paths <= fields
+    assert [message["message"] for topic, _, message in messages if topic == "/events"] == [str(trace.events[0])]
+    stamps = [stamp for _, stamp, _ in messages]
+    assert stamps == sorted(stamps)
+
+
+def mcap_messages(data: bytes):
+    """Topic, stamp (ns) and content of each message in JSON."""
+    assert data[:8] == data[-8:] == b"\x89MCAP0\r\n"
+    topics, place = {}, 8
+    while place < len(data) - 8:
+        kind, length = struct.unpack_from("<BQ", data, place)
+        content = data[place + 9 : place + 9 + length]
+        if kind == 4:
+            (size,) = struct.unpack_from("<I", content, 4)
+            topics[struct.unpack_from("<H", content)[0]] = content[8 : 8 + size].decode()
+        if kind == 5:
+            channel, _, stamp, _ = struct.unpack_from("<HIQQ", content)
+            yield topics[channel], stamp, json.loads(content[22:])
+        place += 9 + length

@@ -115,11 +115,30 @@ def test_a_compiler_on_the_path_is_refused(tmp_path):
         release.bare(tmp_path)
 
 
+@pytest.mark.parametrize("glibc", [None, "2.28"])
+def test_a_wheel_for_an_older_glibc_is_built_with_zig(tmp_path, monkeypatch, glibc):
+    calls = []
+
+    def stand_in(*command, environment=None, **_):
+        calls.append((" ".join(map(str, command)), environment or {}))
+        (tmp_path / "gmwm.tar.gz").touch()
+        (tmp_path / "gmwm-manylinux.whl").touch()
+
+    monkeypatch.setattr(release, "run", stand_in)
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("CXX", raising=False)
+    release.build(tmp_path, glibc)
+    release.repair(tmp_path / "gmwm-manylinux.whl", tmp_path, glibc)
+    (_, built), (repaired, _) = calls
+    assert ("-linux-gnu.2.28" in built.get("CXX", "")) == (glibc is not None)
+    assert ("--plat manylinux_2_28_" in repaired) == (glibc is not None)
+
+
 def test_nothing_is_built_for_this_processor_alone():
     text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
     assert "-O3" in text
     assert re.findall(r"-m(?:arch|tune|cpu|avx|fma|sse)\S*|/arch:\S*|native", text) == []
-    assert _core.clone() in {"default", "x86-64-v3", "x86-64-v4", "portable"}
+    assert _core.clone() in {"x86-64-v3", "x86-64-v4", "portable"}
 
 
 def test_the_group_of_development_tools_is_the_extra():

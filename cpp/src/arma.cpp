@@ -139,17 +139,11 @@ GMWM_INLINE void tasks(const Run& run, std::size_t begin, std::size_t end) {
 // Eight rows or derivatives at once; one by one if there are few rows.
 constexpr std::size_t wide = 8;
 
-GMWM_CLONES void wide_values(const Run& run, std::size_t begin, std::size_t end) {
-  tasks<Twofold<wide>>(run, begin, end);
-}
-GMWM_CLONES void wide_slopes(const Run& run, std::size_t begin, std::size_t end) {
-  tasks<Sloped<wide>>(run, begin, end);
-}
-GMWM_CLONES void single_values(const Run& run, std::size_t begin, std::size_t end) {
-  tasks<Twofold<1>>(run, begin, end);
-}
+constexpr Clones<tasks<Twofold<wide>>> wide_values{};
+constexpr Clones<tasks<Sloped<wide>>> wide_slopes{};
+constexpr Clones<tasks<Twofold<1>>> single_values{};
 
-GMWM_CLONES void coordinates_of(const double* coefficients, std::size_t p, std::size_t rows, double* out) {
+GMWM_INLINE void coordinates_of_inline(const double* coefficients, std::size_t p, std::size_t rows, double* out) {
   using T = Twofold<1>;
   ArmaOrders orders;
   orders.ar = p;
@@ -168,13 +162,14 @@ GMWM_CLONES void coordinates_of(const double* coefficients, std::size_t p, std::
     }
   }
 }
+constexpr Clones<coordinates_of_inline> coordinates_of{};
 
 }  // namespace
 
 void arma_shapes(const ArmaOrders& orders, std::span<const double> parameters, std::size_t rows,
                  std::span<const double> odd, std::size_t levels, std::span<double> out) {
   const Run run{orders, parameters.data(), odd.data(), odd.size(), levels, 0, out.data()};
-  (rows < 3 ? single_values : wide_values)(run, 0, rows);
+  rows < 3 ? single_values(run, 0, rows) : wide_values(run, 0, rows);
 }
 
 void arma_slopes(const ArmaOrders& orders, std::span<const double> parameters, std::size_t rows,

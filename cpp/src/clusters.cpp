@@ -52,13 +52,15 @@ GMWM_INLINE double squares(const Difference& at, std::size_t count) {
   return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
 }
 
-GMWM_CLONES double second_clone(const double* p, std::size_t count, std::size_t n) {
+GMWM_INLINE double second_inline(const double* p, std::size_t count, std::size_t n) {
   return squares(Second{p, n}, count);
 }
+constexpr Clones<second_inline> second_clone{};
 
-GMWM_CLONES double third_clone(const double* p, std::size_t count, std::size_t n) {
+GMWM_INLINE double third_inline(const double* p, std::size_t count, std::size_t n) {
   return squares(Third{p, n}, count);
 }
+constexpr Clones<third_inline> third_clone{};
 
 template <class Difference>
 double strided_squares(const Difference& at, std::size_t count, std::size_t stride) {
@@ -71,7 +73,7 @@ double strided_squares(const Difference& at, std::size_t count, std::size_t stri
 }
 
 // Sum of the squares of the moving sums D_j, 0 <= j < count, of one section; D_0 is summed directly.
-GMWM_CLONES double moving_clone(const double* p, std::size_t count, std::size_t n) {
+GMWM_INLINE double moving_inline(const double* p, std::size_t count, std::size_t n) {
   const Second second{p, n};
   const Third third{p, n};
   Pack start = {};
@@ -97,14 +99,14 @@ GMWM_CLONES double moving_clone(const double* p, std::size_t count, std::size_t 
   }
   return total + acc.total();
 }
+constexpr Clones<moving_inline> moving_clone{};
 
-GMWM_CLONES void phase_clone(const double* x, std::size_t n, double mean, double base, double* out) {
-  tile::running_sum(x, n, mean, base, out);
-}
+constexpr Clones<tile::running_sum> phase_clone{};
 
-GMWM_CLONES void octaves_clone(const double* p, std::size_t n, std::size_t octaves, double* sums) {
+GMWM_INLINE void octaves_inline(const double* p, std::size_t n, std::size_t octaves, double* sums) {
   tile::levels_of_tile(p, n, octaves, sums);
 }
+constexpr Clones<octaves_inline> octaves_clone{};
 
 // Sum over first <= i < last; left and right return the values at n before and n after i.
 template <class Left, class Right>

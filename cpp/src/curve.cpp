@@ -16,8 +16,8 @@ namespace {
 constexpr std::size_t batch = 2 * Pack::size;
 
 // Inner products of a direction with the values and the slopes of the nodes of batches, written to p and d.
-GMWM_CLONES void products(const double* nodes, const double* direction, std::size_t dim, std::size_t batches, double* p,
-                          double* d) {
+GMWM_INLINE void products_inline(const double* nodes, const double* direction, std::size_t dim, std::size_t batches,
+                                 double* p, double* d) {
   for (std::size_t b = 0; b < batches; ++b, p += batch, d += batch) {
     Pack p0 = Pack::of(0), p1 = p0, d0 = p0, d1 = p0;
     for (std::size_t j = 0; j < dim; ++j, nodes += 2 * batch) {
@@ -31,6 +31,7 @@ GMWM_CLONES void products(const double* nodes, const double* direction, std::siz
     d0.store(d), d1.store(d + Pack::size);
   }
 }
+constexpr Clones<products_inline> products{};
 
 // An upper bound of a cubic on a cell: the largest of its Bernstein coefficients.
 GMWM_INLINE double control_maximum(double p0, double p1, double d0, double d1) {
@@ -38,9 +39,10 @@ GMWM_INLINE double control_maximum(double p0, double p1, double d0, double d1) {
 }
 
 // The upper bounds of the cells between successive nodes.
-GMWM_CLONES void control_maxima(const double* p, const double* d, std::size_t cells, double* most) {
+GMWM_INLINE void control_maxima_inline(const double* p, const double* d, std::size_t cells, double* most) {
   for (std::size_t i = 0; i < cells; ++i) most[i] = control_maximum(p[i], p[i + 1], d[i], d[i + 1]);
 }
+constexpr Clones<control_maxima_inline> control_maxima{};
 
 }  // namespace
 

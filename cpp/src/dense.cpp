@@ -5,7 +5,7 @@
 
 namespace gmwm {
 
-GMWM_CLONES double dot(const double* a, const double* b, std::size_t n) { return dot_product(a, b, n); }
+double dot(const double* a, const double* b, std::size_t n) { return Clones<dot_product>{}(a, b, n); }
 
 bool solve_linear(std::vector<double>& a, std::vector<double>& b) {
   const std::size_t n = b.size();

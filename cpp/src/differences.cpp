@@ -83,7 +83,7 @@ GMWM_INLINE void add_difference(const BlockDecay& at, const Depths& depth, doubl
   }
 }
 
-GMWM_CLONES void exponential_block(const BlockDecay& at, const double* u, double* out) {
+GMWM_INLINE void exponential_block_inline(const BlockDecay& at, const double* u, double* out) {
   double beyond[block], value[block] = {};
   std::size_t count = 0;
   for (std::size_t i = 0; i < block; ++i) count += u[i] >= 2 * at.hk || u[i] <= -2 * at.h;
@@ -104,6 +104,7 @@ GMWM_CLONES void exponential_block(const BlockDecay& at, const double* u, double
   for (std::size_t i = 0; i < block; ++i)
     out[i] = at.gain * (u[i] >= 2 * at.hk || u[i] <= -2 * at.h ? beyond[i] : value[i]);
 }
+constexpr Clones<exponential_block_inline> exponential_block{};
 
 // The second difference of D(h, d) over the coarser filter, exactly zero where the filters do not overlap.
 template <class Difference>
@@ -117,11 +118,12 @@ GMWM_INLINE void within_reach(const Nodes& nodes, Difference difference, double*
   }
 }
 
-GMWM_CLONES void white_clone(const Nodes& nodes, double* out) {
+GMWM_INLINE void white_inline(const Nodes& nodes, double* out) {
   within_reach(nodes, [](double, double d) { return -std::max(d, 0.0); }, out);
 }
+constexpr Clones<white_inline> white_clone{};
 
-GMWM_CLONES void walk_clone(const Nodes& nodes, double* out) {
+GMWM_INLINE void walk_inline(const Nodes& nodes, double* out) {
   within_reach(
       nodes,
       [](double h, double d) {
@@ -130,8 +132,9 @@ GMWM_CLONES void walk_clone(const Nodes& nodes, double* out) {
       },
       out);
 }
+constexpr Clones<walk_inline> walk_clone{};
 
-GMWM_CLONES void spike_clone(const Nodes& nodes, double* out) {
+GMWM_INLINE void spike_inline(const Nodes& nodes, double* out) {
   const double *fine = nodes.fine.data(), *coarse = nodes.coarse.data(), *lag = nodes.lag.data();
   for (std::size_t i = 0; i < nodes.lag.size(); ++i) {
     const double h = fine[i], hk = coarse[i], u = lag[i];
@@ -144,6 +147,7 @@ GMWM_CLONES void spike_clone(const Nodes& nodes, double* out) {
     out[i] = sum;
   }
 }
+constexpr Clones<spike_inline> spike_clone{};
 
 }  // namespace
 

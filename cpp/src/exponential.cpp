@@ -104,15 +104,16 @@ double part_t(double v) {
   return (std::exp(-v) + v + 2 - v * (1 / std::tanh(v) + 1 / std::tanh(0.5 * v))) / (v * v * v);
 }
 
-GMWM_CLONES void positive_shapes(double lambda, const double* h, std::size_t n, double factor, double* out) {
+GMWM_INLINE void positive_shapes_inline(double lambda, const double* h, std::size_t n, double factor, double* out) {
   const double q = std::exp(-lambda), s = part_s(lambda);
   for (std::size_t j = 0; j < n; ++j) {
     const double x = lambda * h[j], y = -std::expm1(-x);
     out[j] = factor * (q * h[j] * curve_f(x, y) + s / h[j]);
   }
 }
+constexpr Clones<positive_shapes_inline> positive_shapes{};
 
-GMWM_CLONES void marginal_slopes(double lambda, const double* h, std::size_t n, double* out) {
+GMWM_INLINE void marginal_slopes_inline(double lambda, const double* h, std::size_t n, double* out) {
   const double z = part_z(0.5 * lambda), e = decay(lambda), factor = std::exp(-lambda) / (2 * e * e);
   for (std::size_t j = 0; j < n; ++j) {
     const double x = lambda * h[j], y = -std::expm1(-x), share = y / x;
@@ -120,8 +121,9 @@ GMWM_CLONES void marginal_slopes(double lambda, const double* h, std::size_t n, 
     out[j] = factor * curve / h[j];
   }
 }
+constexpr Clones<marginal_slopes_inline> marginal_slopes{};
 
-GMWM_CLONES void innovation_slopes(double lambda, const double* h, std::size_t n, double* out) {
+GMWM_INLINE void innovation_slopes_inline(double lambda, const double* h, std::size_t n, double* out) {
   const double e1 = decay(lambda), e2 = decay(2 * lambda), factor = 1 / (4 * e1 * e1 * e2);
   const double r = part_r(lambda) - 1, t = 2 * part_t(lambda);
   for (std::size_t j = 0; j < n; ++j) {
@@ -129,6 +131,7 @@ GMWM_CLONES void innovation_slopes(double lambda, const double* h, std::size_t n
     out[j] = factor * (h[j] * h[j] * curve_g(x, y, f) + h[j] * f * r + t / h[j]);
   }
 }
+constexpr Clones<innovation_slopes_inline> innovation_slopes{};
 
 }  // namespace
 

@@ -108,8 +108,8 @@ struct Rate {
 
 // Pieces of one pair of levels, for several decay rates whose values are `stride` apart. The first value is that of the
 // first piece; `lag` is that of all nodes.
-GMWM_CLONES void of_pieces(const Rate* rates, std::size_t count, const double* lag, const std::int64_t* first,
-                           const std::int64_t* kind, std::size_t size, std::size_t stride, double* out) {
+GMWM_INLINE void of_pieces_inline(const Rate* rates, std::size_t count, const double* lag, const std::int64_t* first,
+                                  const std::int64_t* kind, std::size_t size, std::size_t stride, double* out) {
   double distances[together * arguments], powers[together * arguments], value[piece_nodes];
   Place places[together];
   const std::int64_t base = size > 0 ? first[0] : 0;
@@ -139,12 +139,14 @@ GMWM_CLONES void of_pieces(const Rate* rates, std::size_t count, const double* l
     }
   }
 }
+constexpr Clones<of_pieces_inline> of_pieces{};
 
-GMWM_CLONES void find_powers(double decay, Pattern& pattern) {
+GMWM_INLINE void find_powers_inline(double decay, Pattern& pattern) {
   for (std::size_t i = 0; i < piece_nodes; ++i) pattern.from_first[i] = expm1_below(-decay * pattern.offset[i]);
   for (std::size_t i = 0; i < piece_nodes; ++i)
     pattern.from_last[i] = expm1_below(-decay * std::max(pattern.length - pattern.offset[i], 0.0));
 }
+constexpr Clones<find_powers_inline> find_powers{};
 
 std::vector<Pattern> patterns_of(const Pieces& pieces, double decay) {
   std::vector<Pattern> patterns(pieces.begins.size() - 1);

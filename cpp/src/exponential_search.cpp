@@ -22,7 +22,8 @@ constexpr std::size_t lanes = 2 * Pack::size;
 constexpr std::size_t padded(std::size_t dim) { return (dim + lanes - 1) / lanes * lanes; }
 
 // The rows times an upper triangular matrix, of which the columns are given, padded with zeros.
-GMWM_CLONES void multiply(const double* rows, std::size_t count, const double* columns, std::size_t dim, double* out) {
+GMWM_INLINE void multiply_inline(const double* rows, std::size_t count, const double* columns, std::size_t dim,
+                                 double* out) {
   const std::size_t stride = padded(dim);
   double values[lanes];
   for (std::size_t i = 0; i < count; ++i, rows += dim, out += dim)
@@ -37,12 +38,14 @@ GMWM_CLONES void multiply(const double* rows, std::size_t count, const double* c
       std::copy_n(values, std::min(lanes, dim - j), out + j);
     }
 }
+constexpr Clones<multiply_inline> multiply{};
 
-GMWM_CLONES void multiply_diagonal(const double* rows, std::size_t count, const double* diagonal, std::size_t dim,
-                                   double* out) {
+GMWM_INLINE void multiply_diagonal_inline(const double* rows, std::size_t count, const double* diagonal,
+                                          std::size_t dim, double* out) {
   for (std::size_t i = 0; i < count; ++i, rows += dim, out += dim)
     for (std::size_t j = 0; j < dim; ++j) out[j] = rows[j] * diagonal[j];
 }
+constexpr Clones<multiply_diagonal_inline> multiply_diagonal{};
 
 double length(const double* v, std::size_t n) { return std::sqrt(dot(v, v, n)); }
 

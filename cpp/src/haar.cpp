@@ -16,43 +16,18 @@ namespace gmwm {
 
 namespace {
 
-GMWM_CLONES double sum_clone(const double* x, std::size_t n, double origin) { return tile::sum(x, n, origin); }
+constexpr Clones<tile::sum> sum_clone{};
+constexpr Clones<tile::copied_sum> copy_clone{};
+constexpr Clones<tile::running_sum> running_sum_clone{};
 
-GMWM_CLONES double copy_clone(const double* x, std::size_t n, double* out) { return tile::copied_sum(x, n, out); }
-
-GMWM_CLONES void running_sum_clone(const double* x, std::size_t n, double mean, double base, double* out) {
-  tile::running_sum(x, n, mean, base, out);
-}
-
-GMWM_CLONES void shifted_clone(const double* x, std::size_t n, double reference, double* out) {
+GMWM_INLINE void shifted_inline(const double* x, std::size_t n, double reference, double* out) {
   for (std::size_t i = 0; i < n; ++i) out[i] = x[i] - reference;
 }
+constexpr Clones<shifted_inline> shifted_clone{};
 
 // Levels with half-scales h, 2h, … of a tile, see tile::levels_of_tile. Only a processor with AVX-512 has registers for
 // the wider vectors, which take a fifth less time.
-GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
-                              const tile::Ahead& ahead) {
-  tile::levels_of_tile<Pack>(p, n, levels, sums, h, ahead);
-}
-
-#if GMWM_HAS_CLONES
-const bool has_v3 = __builtin_cpu_supports("x86-64-v3"), has_v4 = __builtin_cpu_supports("x86-64-v4");
-
-__attribute__((target("arch=x86-64-v4"))) void wide_levels(const double* p, std::size_t n, std::size_t levels,
-                                                           double* sums, std::size_t h, const tile::Ahead& ahead) {
-  tile::levels_of_tile<WidePack>(p, n, levels, sums, h, ahead);
-}
-
-void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
-                const tile::Ahead& ahead) {
-  (has_v4 ? wide_levels : levels_clone)(p, n, levels, sums, h, ahead);
-}
-#else
-void add_levels(const double* p, std::size_t n, std::size_t levels, double* sums, std::size_t h,
-                const tile::Ahead& ahead) {
-  levels_clone(p, n, levels, sums, h, ahead);
-}
-#endif
+constexpr Clones<tile::levels_of_tile<Pack>, tile::levels_of_tile<WidePack>> add_levels{};
 
 // Factor from (P_t - …)² to W²: a power of two, so it is exact.
 void scale_by_level(std::span<double> sums) {
@@ -194,12 +169,6 @@ void far_levels(Columns columns, std::span<double> squares) {
 }
 
 }  // namespace
-
-#if GMWM_HAS_CLONES
-const char* running_clone() { return has_v4 ? "x86-64-v4" : has_v3 ? "x86-64-v3" : "default"; }
-#else
-const char* running_clone() { return "portable"; }
-#endif
 
 Mean mean(std::span<const double> x) {
   const double count = static_cast<double>(x.size());

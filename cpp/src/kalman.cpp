@@ -182,7 +182,7 @@ GMWM_INLINE double product(const double* a, const double* b, std::size_t n) {
   return total;
 }
 
-GMWM_CLONES void filter(Run& run, std::span<double> standardised, Innovations& out) {
+GMWM_INLINE void filter_inline(Run& run, std::span<double> standardised, Innovations& out) {
   Machine<double>& m = run.machine;
   const std::size_t k = run.series.count, n = run.series.length;
   const double* y = run.series.row(0);
@@ -272,6 +272,7 @@ GMWM_CLONES void filter(Run& run, std::span<double> standardised, Innovations& o
   }
   out.log_variances = logs.total() + settled_log;
 }
+constexpr Clones<filter_inline> filter{};
 
 }  // namespace
 

@@ -276,15 +276,9 @@ GMWM_INLINE void pass(Machine<Dual<L>>& m, const Series& series, Sums<L>& sums, 
   out.log_variances = logs.total() + settled_log;
 }
 
-GMWM_CLONES void pass_8(Machine<Dual<8>>& m, const Series& series, Sums<8>& sums, Score& out) {
-  pass<8>(m, series, sums, out);
-}
-GMWM_CLONES void pass_16(Machine<Dual<16>>& m, const Series& series, Sums<16>& sums, Score& out) {
-  pass<16>(m, series, sums, out);
-}
-GMWM_CLONES void pass_32(Machine<Dual<32>>& m, const Series& series, Sums<32>& sums, Score& out) {
-  pass<32>(m, series, sums, out);
-}
+constexpr Clones<pass<8>> pass_8{};
+constexpr Clones<pass<16>> pass_16{};
+constexpr Clones<pass<32>> pass_32{};
 
 template <std::size_t L, class Pass>
 Score scored(const System& system, const Slopes& slopes, const Series& series, Pass pass) {

@@ -59,8 +59,8 @@ struct Factors {
 };
 
 // For the columns begin … end - 1: the sum over the lags of n(i) times the product, where no series is needed.
-GMWM_CLONES void products(const Row& row, const Columns& columns, const Factors& f, std::size_t begin, std::size_t end,
-                          double* out) {
+GMWM_INLINE void products_inline(const Row& row, const Columns& columns, const Factors& f, std::size_t begin,
+                                 std::size_t end, double* out) {
   const double *er = columns.ahead.re.data(), *ei = columns.ahead.im.data(), *fr = columns.behind.re.data(),
                *fi = columns.behind.im.data(), *br = columns.power.re.data(), *bi = columns.power.im.data(),
                *xr = row.x.re.data(), *xi = row.x.im.data(), *pr = row.over_one.re.data(), *pi = row.over_one.im.data(),
@@ -79,6 +79,7 @@ GMWM_CLONES void products(const Row& row, const Columns& columns, const Factors&
     out[k] = weight[k] * (first + second);
   }
 }
+constexpr Clones<products_inline> products{};
 
 // The same for one column where a series is needed. `turned` is b^(n-1).
 double close_products(const Row& row, const Columns& columns, const Factors& f, std::size_t k, Complex turned) {

@@ -97,7 +97,7 @@ void fill(TablePiece& piece, LagPieces& process) {
 // For each of the four factors of the columns, its products with the eight parts of the constants.
 using Products = std::array<double, 32>;
 
-GMWM_CLONES void multiply(const double* columns, const double* constants, std::size_t count, double* out) {
+GMWM_INLINE void multiply_inline(const double* columns, const double* constants, std::size_t count, double* out) {
   Pack sums[8];
   for (std::size_t l = 0; l < 8; ++l) sums[l] = Pack::load(out + 4 * l);
   for (std::size_t k = 0; k < count; ++k, columns += 4, constants += 8) {
@@ -110,6 +110,7 @@ GMWM_CLONES void multiply(const double* columns, const double* constants, std::s
   }
   for (std::size_t l = 0; l < 8; ++l) sums[l].store(out + 4 * l);
 }
+constexpr Clones<multiply_inline> multiply{};
 
 }  // namespace
 

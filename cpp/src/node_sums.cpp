@@ -16,8 +16,8 @@ namespace {
 constexpr std::size_t block = 16;  // nodes that are summed together
 
 // The sums of `node_sums` over the n nodes of one pair of levels.
-GMWM_CLONES void add_nodes(const double* const* shapes, const double* scales, std::size_t count, const double* weight,
-                           std::size_t n, double& first, double& second) {
+GMWM_INLINE void add_nodes_inline(const double* const* shapes, const double* scales, std::size_t count,
+                                  const double* weight, std::size_t n, double& first, double& second) {
   double lanes[2][block] = {};
   double total[block];
   for (std::size_t i = 0; i < n; i += block) {
@@ -44,6 +44,7 @@ GMWM_CLONES void add_nodes(const double* const* shapes, const double* scales, st
   first = second = 0;
   for (std::size_t l = 0; l < block; ++l) first += lanes[0][l], second += lanes[1][l];
 }
+constexpr Clones<add_nodes_inline> add_nodes{};
 
 }  // namespace
 

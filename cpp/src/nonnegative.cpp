@@ -21,7 +21,7 @@ struct Lengths {
   double before, after;
 };
 
-GMWM_CLONES Lengths orthogonalise(double* columns, std::size_t n, std::size_t k, double* r) {
+GMWM_INLINE Lengths orthogonalise_inline(double* columns, std::size_t n, std::size_t k, double* r) {
   double* q = columns + k * n;
   const double before = std::sqrt(dot_product(q, q, n));
   for (int pass = 0; pass < 2; ++pass)
@@ -32,11 +32,13 @@ GMWM_CLONES Lengths orthogonalise(double* columns, std::size_t n, std::size_t k,
     }
   return {before, std::sqrt(dot_product(q, q, n))};
 }
+constexpr Clones<orthogonalise_inline> orthogonalise{};
 
 // Projects columns out of a vector, one after the other (modified Gram-Schmidt).
-GMWM_CLONES void take_out(const double* columns, std::size_t n, std::size_t count, double* vector) {
+GMWM_INLINE void take_out_inline(const double* columns, std::size_t n, std::size_t count, double* vector) {
   for (std::size_t k = 0; k < count; ++k) subtract(vector, dot_product(columns + k * n, vector, n), columns + k * n, n);
 }
+constexpr Clones<take_out_inline> take_out{};
 
 }  // namespace
 

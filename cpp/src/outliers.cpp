@@ -23,9 +23,10 @@ double second_difference(const double* p, std::size_t i, double scale) {
 }
 
 // Their absolute values.
-GMWM_CLONES void second_differences(const double* p, std::size_t n, double scale, double* size) {
+GMWM_INLINE void second_differences_inline(const double* p, std::size_t n, double scale, double* size) {
   for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(scale * ((p[i + 2] - p[i + 1]) - (p[i + 1] - p[i])));
 }
+constexpr Clones<second_differences_inline> second_differences{};
 
 GMWM_INLINE std::size_t count_below(const double* x, std::size_t n, double limit) {
   double count = 0.0;
@@ -33,11 +34,12 @@ GMWM_INLINE std::size_t count_below(const double* x, std::size_t n, double limit
   return static_cast<std::size_t>(count);
 }
 
-GMWM_CLONES std::size_t count_up_to(const double* x, std::size_t n, double limit) { return count_below(x, n, limit); }
+constexpr Clones<count_below> count_up_to{};
 
 // Copies the values in (low, high] to `between`, which has room for all, and returns their number and that of the values
 // up to `low`. Without branches, because half of the values are up to `low`.
-GMWM_CLONES void split(const double* x, std::size_t n, double low, double high, double* between, std::size_t* counts) {
+GMWM_INLINE void split_inline(const double* x, std::size_t n, double low, double high, double* between,
+                              std::size_t* counts) {
   std::size_t inside = 0;
   for (std::size_t i = 0; i < n; ++i) {
     between[inside] = x[i];
@@ -46,6 +48,7 @@ GMWM_CLONES void split(const double* x, std::size_t n, double low, double high, 
   counts[0] = count_below(x, n, low);
   counts[1] = inside;
 }
+constexpr Clones<split_inline> split{};
 
 double middle(std::span<double> values, std::size_t below, std::size_t total) {
   // The value of rank total / 2 of all, of which `below` are smaller than these.

@@ -20,8 +20,8 @@ constexpr std::size_t side = 3;
 
 // v[i] <- Σ_m g_m v[i + m stride] for i < n, with both filters reversed, so that each value is read before it is
 // overwritten. Returns the sum of the squares of Σ_m h_m v[i + m stride].
-GMWM_CLONES double smooth_in_place(double* v, std::size_t n, std::size_t stride, const double* g, const double* h,
-                                   std::size_t length) {
+GMWM_INLINE double smooth_in_place_inline(double* v, std::size_t n, std::size_t stride, const double* g,
+                                          const double* h, std::size_t length) {
   double total = 0.0;
   std::size_t i = 0;
   Pack squares[side] = {};
@@ -53,10 +53,11 @@ GMWM_CLONES double smooth_in_place(double* v, std::size_t n, std::size_t stride,
   }
   return total;
 }
+constexpr Clones<smooth_in_place_inline> smooth_in_place{};
 
 // out[i] (+)= Σ_l f_l x[i + places[l]] for i < n.
-GMWM_CLONES void filtered(const double* x, const std::size_t* places, const double* f, std::size_t length,
-                          std::size_t n, bool add, double* out) {
+GMWM_INLINE void filtered_inline(const double* x, const std::size_t* places, const double* f, std::size_t length,
+                                 std::size_t n, bool add, double* out) {
   std::size_t i = 0;
   for (; i + side * Pack::size <= n; i += side * Pack::size) {
     Pack sum[side] = {};
@@ -73,6 +74,7 @@ GMWM_CLONES void filtered(const double* x, const std::size_t* places, const doub
     out[i] = sum;
   }
 }
+constexpr Clones<filtered_inline> filtered{};
 
 // The signal twice in a row, so that each periodic shift by less than N is a contiguous part.
 void twice(std::span<const double> x, double* out) {

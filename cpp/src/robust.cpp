@@ -16,14 +16,12 @@ namespace gmwm {
 
 namespace {
 
-GMWM_CLONES void values_clone(const double* x, std::size_t n, double limit, double* cubed, double* fourth) {
+GMWM_INLINE void values_inline(const double* x, std::size_t n, double limit, double* cubed, double* fourth) {
   tile::biweight_of_values(x, n, limit, *cubed, *fourth);
 }
+constexpr Clones<values_inline> values_clone{};
 
-GMWM_CLONES void tile_clone(const double* p, std::size_t n, std::size_t levels, const double* limit, double* cubed,
-                            double* fourth) {
-  tile::biweight_of_tile(p, n, levels, limit, cubed, fourth);
-}
+constexpr Clones<tile::biweight_of_tile> tile_clone{};
 
 // |P_t - 2 P_{t-h} + P_{t-2h}| at the k-th position of a level: |W| before the division by 2^j.
 inline double difference(std::span<const double> sum, std::size_t h, std::size_t k) {
@@ -31,8 +29,8 @@ inline double difference(std::span<const double> sum, std::size_t h, std::size_t
 }
 
 // |W| of one block, and the numbers of values <= low and <= high; without branches, so that it vectorises.
-GMWM_CLONES void sizes_clone(const double* p, std::size_t h, double unit, std::size_t n, double low, double high,
-                             double* size, double* counts) {
+GMWM_INLINE void sizes_inline(const double* p, std::size_t h, double unit, std::size_t n, double low, double high,
+                              double* size, double* counts) {
   double at_low = 0.0, at_high = 0.0;
   for (std::size_t i = 0; i < n; ++i) size[i] = unit * std::abs(p[i] + p[i + 2 * h] - 2.0 * p[i + h]);
   for (std::size_t i = 0; i < n; ++i) {
@@ -42,6 +40,7 @@ GMWM_CLONES void sizes_clone(const double* p, std::size_t h, double unit, std::s
   counts[0] = at_low;
   counts[1] = at_high;
 }
+constexpr Clones<sizes_inline> sizes_clone{};
 
 }  // namespace
 

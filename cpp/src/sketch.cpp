@@ -54,17 +54,19 @@ GMWM_INLINE void range(std::size_t n, Keys& keys) {
   keys.highest = highest;
 }
 
-GMWM_CLONES void value_keys(const double* w, std::size_t n, Keys* keys) {
+GMWM_INLINE void value_keys_inline(const double* w, std::size_t n, Keys* keys) {
   for (std::size_t i = 0; i < n; ++i) key(w[i], keys->bin[i], keys->word[i]);
   range(n, *keys);
 }
+constexpr Clones<value_keys_inline> value_keys{};
 
 // |p[i] - 2 p[i + h] + p[i + 2 h]|, multiplied by `unit`.
-GMWM_CLONES void haar_keys(const double* p, std::size_t h, double unit, std::size_t n, Keys* keys) {
+GMWM_INLINE void haar_keys_inline(const double* p, std::size_t h, double unit, std::size_t n, Keys* keys) {
   for (std::size_t i = 0; i < n; ++i)
     key(unit * (p[i] + p[i + 2 * h] - 2.0 * p[i + h]), keys->bin[i], keys->word[i]);
   range(n, *keys);
 }
+constexpr Clones<haar_keys_inline> haar_keys{};
 
 // Extends the sketch to the octaves first <= e < last.
 void widen(SketchCounts& out, std::size_t first, std::size_t last) {

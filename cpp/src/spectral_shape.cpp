@@ -14,19 +14,21 @@ namespace gmwm {
 namespace {
 
 // out = 1 + Σ c_k wave_k, for one part of the waves.
-GMWM_CLONES void combination(const double* waves, std::size_t n, const double* c, std::size_t count, double one,
-                             double* out) {
+GMWM_INLINE void combination_inline(const double* waves, std::size_t n, const double* c, std::size_t count, double one,
+                                    double* out) {
   std::fill_n(out, n, one);
   for (std::size_t k = 0; k < count; ++k)
     for (std::size_t i = 0; i < n; ++i) out[i] += c[k] * waves[k * n + i];
 }
+constexpr Clones<combination_inline> combination{};
 
 // out_k = factor (real_k re + imaginary_k im) for each coefficient k.
-GMWM_CLONES void slopes(const double* real, const double* imaginary, std::size_t n, std::size_t count, const double* re,
-                        const double* im, double* out) {
+GMWM_INLINE void slopes_inline(const double* real, const double* imaginary, std::size_t n, std::size_t count,
+                               const double* re, const double* im, double* out) {
   for (std::size_t k = 0; k < count; ++k)
     for (std::size_t i = 0; i < n; ++i) out[k * n + i] = real[k * n + i] * re[i] + imaginary[k * n + i] * im[i];
 }
+constexpr Clones<slopes_inline> slopes{};
 
 class Descent {
  public:

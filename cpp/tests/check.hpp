@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "gmwm/clones.hpp"
+
 namespace check {
 
 inline int failures = 0;
@@ -21,9 +23,15 @@ inline void close(double got, double expected, double relative, const char* text
   std::printf("%s:%d: %s: got %.17g, expected %.17g within %g relative\n", file, line, text, got, expected, relative);
 }
 
-// What main() returns.
-inline int result(const char* name) {
-  std::printf("%s: %s\n", name, failures == 0 ? "passed" : "FAILED");
+// Runs the tests at each level of this processor; what main() returns.
+inline int at_each_level(const char* name, void (*tests)()) {
+  const gmwm::Level highest = gmwm::level;
+  for (const gmwm::Level level : {gmwm::Level::portable, gmwm::Level::v3, gmwm::Level::v4}) {
+    if (level > highest) break;
+    gmwm::level = level;
+    tests();
+    std::printf("%s, %s: %s\n", name, gmwm::running_clone(), failures == 0 ? "passed" : "FAILED");
+  }
   return failures == 0 ? 0 : 1;
 }
 

@@ -150,12 +150,13 @@ void coordinates() {
 }  // namespace
 
 int main() {
-  moving_average();
-  walk();
-  sums();
-  filters();
-  rows();
-  lags();
-  coordinates();
-  return check::result("arma");
+  return check::at_each_level("arma", [] {
+    moving_average();
+    walk();
+    sums();
+    filters();
+    rows();
+    lags();
+    coordinates();
+  });
 }

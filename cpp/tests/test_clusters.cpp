@@ -141,10 +141,11 @@ void scaling_by_a_power_of_two_is_exact() {
 }  // namespace
 
 int main() {
-  sums_are_their_definitions();
-  octaves_are_second_differences();
-  long_records_keep_their_digits();
-  too_large_clusters_are_empty();
-  scaling_by_a_power_of_two_is_exact();
-  return check::result("clusters");
+  return check::at_each_level("clusters", [] {
+    sums_are_their_definitions();
+    octaves_are_second_differences();
+    long_records_keep_their_digits();
+    too_large_clusters_are_empty();
+    scaling_by_a_power_of_two_is_exact();
+  });
 }

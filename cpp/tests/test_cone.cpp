@@ -3,21 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <vector>
 
+#include "check.hpp"
 #include "gmwm/dense.hpp"
 
 namespace {
-
-int failures = 0;
-
-void check(bool condition, const char* what) {
-  if (condition) return;
-  std::printf("FAILED: %s\n", what);
-  ++failures;
-}
 
 constexpr std::size_t dim = 12;
 
@@ -59,8 +51,9 @@ void test_nonnegative() {
   std::vector<double> weights;
   gmwm::NonNegative solver(target);
   solver.solve(columns, weights);
-  check(weights[1] == 0 && std::abs(weights[0] - 1) < 1e-15 && std::abs(weights[2] - 2) < 1e-15, "a negative weight is zero");
-  check(std::abs(solver.objective() - 1) < 1e-15, "objective of the projection");
+  // A negative weight is zero.
+  CHECK(weights[1] == 0 && std::abs(weights[0] - 1) < 1e-15 && std::abs(weights[2] - 2) < 1e-15);
+  CHECK(std::abs(solver.objective() - 1) < 1e-15);  // objective of the projection
 }
 
 void test_curve(const Tabulated& t, gmwm::Curve& curve) {
@@ -71,7 +64,7 @@ void test_curve(const Tabulated& t, gmwm::Curve& curve) {
     const auto exact = Tabulated::exact(t.coordinate(s));
     for (std::size_t j = 0; j < dim; ++j) worst = std::max(worst, std::abs(value[j] - exact[j]));
   }
-  check(worst < 1e-6, "the cubic stays within its margin");
+  CHECK(worst < 1e-6);  // the cubic stays within its margin
   // The steepest ratio must bound what a fine scan of the exact curve finds.
   std::vector<double> direction(dim), z(dim, 1.0);
   for (std::size_t j = 0; j < dim; ++j) direction[j] = std::sin(1.7 * static_cast<double>(j + 1));
@@ -84,8 +77,8 @@ void test_curve(const Tabulated& t, gmwm::Curve& curve) {
     const auto exact = Tabulated::exact(t.coordinate(s));
     found = std::max(found, gmwm::dot(direction.data(), exact.data(), dim) / gmwm::dot(z.data(), exact.data(), dim));
   }
-  check(bound >= found && bound < found * 1.01 + 1e-4, "the steepest ratio is a bound, and a tight one");
-  check(!peaks.empty(), "a rising stretch has a peak");
+  CHECK(bound >= found && bound < found * 1.01 + 1e-4);  // the steepest ratio is a bound, and a tight one
+  CHECK(!peaks.empty());  // a rising stretch has a peak
 }
 
 // Two curve points plus a fixed vector and a disturbance; search for two and for one against a brute-force grid.
@@ -98,8 +91,8 @@ void test_search(const Tabulated& t, const gmwm::Curve& curve) {
     gmwm::Cone cone(target, fixed, z, std::make_shared<const gmwm::Curve>(curve));
     const gmwm::Certified found = cone.search(count, 1e-4, 20000, {});
     const double objective = found.best.front().objective;
-    check(found.bound <= objective && found.bound >= 0.999 * objective, "the search closes its gap");
-    check(found.relaxed <= found.bound * (1 + 1e-12), "more points never do worse");
+    CHECK(found.bound <= objective && found.bound >= 0.999 * objective);  // the search closes its gap
+    CHECK(found.relaxed <= found.bound * (1 + 1e-12));  // more points never do worse
     double best = 1e300;
     for (double s = 0; s < static_cast<double>(t.nodes); s += 2)
       for (double r = count == 1 ? s : 0; r <= s; r += 2) {
@@ -110,20 +103,20 @@ void test_search(const Tabulated& t, const gmwm::Curve& curve) {
         solver.solve({columns.data(), count + 1}, weights);
         best = std::min(best, solver.objective());
       }
-    check(objective <= best * (1 + 1e-6), "no grid point beats the search");
-    check(found.bound <= best, "the bound is below every grid point");
+    CHECK(objective <= best * (1 + 1e-6));  // no grid point beats the search
+    CHECK(found.bound <= best);  // the bound is below every grid point
   }
 }
 
 }  // namespace
 
 int main() {
-  const Tabulated t;
-  const std::vector<double> z(dim, 1.0);
-  gmwm::Curve curve(dim, t.values, t.slopes, t.margins, z);
-  test_nonnegative();
-  test_curve(t, curve);
-  test_search(t, curve);
-  if (failures == 0) std::printf("all passed\n");
-  return failures != 0;
+  return check::at_each_level("cone", [] {
+    const Tabulated t;
+    const std::vector<double> z(dim, 1.0);
+    gmwm::Curve curve(dim, t.values, t.slopes, t.margins, z);
+    test_nonnegative();
+    test_curve(t, curve);
+    test_search(t, curve);
+  });
 }

@@ -173,10 +173,11 @@ void test_weights() {
 }  // namespace
 
 int main() {
-  test_shapes();
-  test_linear();
-  test_search();
-  test_least_squares();
-  test_weights();
-  return check::result("exponential");
+  return check::at_each_level("exponential", [] {
+    test_shapes();
+    test_linear();
+    test_search();
+    test_least_squares();
+    test_weights();
+  });
 }

@@ -1,11 +1,10 @@
-// The Haar kernel against its definition in long double, in every clone this processor can run.
+// The Haar kernel against its definition in long double, in every version that this processor can run.
 // Built twice: with the kernel library, and with -DGMWM_PORTABLE and the portable code.
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <iterator>
 #include <limits>
 #include <random>
@@ -16,7 +15,6 @@
 #include "gmwm/buffer.hpp"
 #include "gmwm/clones.hpp"
 #include "gmwm/haar.hpp"
-#include "gmwm/haar_tile.hpp"
 
 namespace {
 
@@ -155,34 +153,26 @@ void buffers_are_aligned() {
   }
 }
 
-#if GMWM_HAS_CLONES
-__attribute__((target("default"))) void squares_default(const double* p, std::size_t n, std::size_t j, double* s) {
-  gmwm::tile::levels_of_tile(p, n, j, s);
-}
-__attribute__((target("arch=x86-64-v3"))) void squares_v3(const double* p, std::size_t n, std::size_t j, double* s) {
-  gmwm::tile::levels_of_tile(p, n, j, s);
-}
-__attribute__((target("arch=x86-64-v4"))) void squares_v4(const double* p, std::size_t n, std::size_t j, double* s) {
-  gmwm::tile::levels_of_tile<gmwm::WidePack>(p, n, j, s);
-}
-
-void clones_agree() {
+#if GMWM_HAS_CLONES && defined(__GLIBC__)
+void level_is_that_of_the_compiler() {
   const bool v3 = __builtin_cpu_supports("x86-64-v3"), v4 = __builtin_cpu_supports("x86-64-v4");
-  CHECK(std::strcmp(gmwm::running_clone(), v4 ? "x86-64-v4" : v3 ? "x86-64-v3" : "default") == 0);
+  CHECK(gmwm::level == (v4 ? gmwm::Level::v4 : v3 ? gmwm::Level::v3 : gmwm::Level::portable));
+}
+#else
+void level_is_that_of_the_compiler() { CHECK(GMWM_HAS_CLONES || gmwm::level == gmwm::Level::portable); }
+#endif
+
+void versions_agree() {
+  const gmwm::Level highest = gmwm::level;
   const Values p = signal(Kind::walk, 9001);
   const std::size_t levels = 12, first = std::size_t{1} << levels;
   Values expected(levels), got(levels);
-  squares_default(p.data() + first, p.size() - first, levels, expected.data());
-  std::printf("clones: default%s%s\n", v3 ? " x86-64-v3" : "", v4 ? " x86-64-v4" : "");
-  for (const auto version : {v3 ? squares_v3 : squares_default, v4 ? squares_v4 : squares_default}) {
-    std::fill(got.begin(), got.end(), 0.0);
-    version(p.data() + first, p.size() - first, levels, got.data());
-    for (std::size_t k = 0; k < levels; ++k) CHECK_CLOSE(got[k], expected[k], 1e-13);
-  }
+  gmwm::haar_sums_of_squares(p, first, p.size() - 1, got);
+  gmwm::level = gmwm::Level::portable;
+  gmwm::haar_sums_of_squares(p, first, p.size() - 1, expected);
+  gmwm::level = highest;
+  for (std::size_t k = 0; k < levels; ++k) CHECK_CLOSE(got[k], expected[k], 1e-13);
 }
-#else
-void clones_agree() { CHECK(std::strcmp(gmwm::running_clone(), "portable") == 0); }
-#endif
 
 // Far levels of a long record have code of their own. The record ends within a row of 2^14 samples, at its end, at its
 // beginning, within the columns that are processed together, and between two of them.
@@ -284,19 +274,20 @@ void blocks_are_their_definition() {
 }
 
 int main() {
-  std::printf("running clone: %s\n", gmwm::running_clone());
-  variance_is_its_definition();
-  blocks_are_their_definition();
-  ranges_add_up();
-  running_sum_continues();
-  scaling_by_a_power_of_two_is_exact();
-  a_constant_is_zero();
-  mean_knows_what_is_finite();
-  buffers_are_aligned();
-  clones_agree();
-  far_levels_are_sums_over_the_whole_running_sum();
-  panels_add_up();
-  a_long_record_keeps_its_digits();
-  the_rise_is_that_of_a_line();
-  return check::result("haar");
+  level_is_that_of_the_compiler();
+  return check::at_each_level("haar", [] {
+    variance_is_its_definition();
+    blocks_are_their_definition();
+    ranges_add_up();
+    running_sum_continues();
+    scaling_by_a_power_of_two_is_exact();
+    a_constant_is_zero();
+    mean_knows_what_is_finite();
+    buffers_are_aligned();
+    versions_agree();
+    far_levels_are_sums_over_the_whole_running_sum();
+    panels_add_up();
+    a_long_record_keeps_its_digits();
+    the_rise_is_that_of_a_line();
+  });
 }

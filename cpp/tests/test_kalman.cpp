@@ -288,10 +288,11 @@ void what_leaves_nothing_to_chance_is_said() {
 }  // namespace
 
 int main() {
-  innovations_are_the_textbook_s();
-  slopes_are_those_of_the_values();
-  information_of_white_noise_is_half_a_sample();
-  tracks_of_a_constant_are_its_mean();
-  what_leaves_nothing_to_chance_is_said();
-  return check::result("kalman");
+  return check::at_each_level("kalman", [] {
+    innovations_are_the_textbook_s();
+    slopes_are_those_of_the_values();
+    information_of_white_noise_is_half_a_sample();
+    tracks_of_a_constant_are_its_mean();
+    what_leaves_nothing_to_chance_is_said();
+  });
 }

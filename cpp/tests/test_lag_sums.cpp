@@ -129,8 +129,9 @@ void mixtures() {
 }  // namespace
 
 int main() {
-  elementary();
-  exponentials();
-  mixtures();
-  return check::result("lag_sums");
+  return check::at_each_level("lag_sums", [] {
+    elementary();
+    exponentials();
+    mixtures();
+  });
 }

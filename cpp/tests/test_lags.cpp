@@ -155,56 +155,57 @@ void test_node_sums() {
 }  // namespace
 
 int main() {
-  test_node_sums();
-  sums_of_exponentials();
-  for (const std::int64_t points : {17, 100, 4001}) {
-    std::array<double, 8> nodes{}, weights{};
-    gmwm::integer_rule(points, nodes, weights);
-    const double middle = 0.5 * static_cast<double>(points - 1), size = static_cast<double>(points);
-    for (int power = 0; power < 16; ++power) {
-      double direct = 0, rule = 0;
-      for (std::int64_t i = 0; i < points; ++i) direct += std::pow((static_cast<double>(i) - middle) / size, power);
-      for (std::size_t i = 0; i < 8; ++i) rule += weights[i] * std::pow((nodes[i] - middle) / size, power);
-      CHECK(std::abs(direct - rule) < 1e-14 * size);
-    }
-  }
-  // The weights of a pair of levels add up to the number of pairs of coefficients.
-  const std::vector<std::int64_t> levels{1, 3, 7, 10};
-  for (const bool alternating : {false, true})
-    for (const auto& [diagonal, memory] : {std::pair{false, 0}, {true, 0}, {false, 5}, {false, 70}, {true, 9000}}) {
-      const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, {1e-4, 0.3, alternating, diagonal, memory});
-      CHECK(lags.odd.size() == (alternating ? lags.size : 0));
-      std::size_t pair = 0;
-      for (std::size_t k = 0; k < levels.size(); ++k)
-        for (std::size_t j = diagonal ? k : 0; j <= k; ++j, ++pair) {
-          const std::size_t start = static_cast<std::size_t>(lags.starts[pair]);
-          const std::size_t end = pair + 1 < lags.starts.size() ? static_cast<std::size_t>(lags.starts[pair + 1]) : lags.size;
-          double total = 0;
-          for (std::size_t i = start; i < end; ++i) {
-            total += lags.weight[i];
-            CHECK(lags.fine[i] == std::ldexp(1, static_cast<int>(levels[j]) - 1));
-            CHECK(lags.coarse[i] == std::ldexp(1, static_cast<int>(levels[k]) - 1));
-          }
-          const double fine = 5001 - std::ldexp(1, static_cast<int>(levels[j]));
-          const double coarse = 5001 - std::ldexp(1, static_cast<int>(levels[k]));
-          CHECK_CLOSE(total, fine * coarse, 1e-12);
-        }
-      CHECK(pair == lags.starts.size());
-    }
-  // Within the memory of a kink every lag of the record is a node, without exponentials too.
-  for (const double decay : {0.0, 0.01})
-    for (const std::int64_t samples : {150, 1000}) {
-      const gmwm::Lags lags = gmwm::covariance_lags(std::vector<std::int64_t>{3, 7}, samples, {decay, decay, false, false, 11});
-      std::vector<double> nodes(lags.lag.get() + lags.starts[1], lags.lag.get() + lags.starts[2]);
-      for (std::int64_t u = 128 - samples; u <= samples - 8; ++u) {
-        bool near = false;
-        for (const int b : {0, 64, 128})
-          for (const int a : {0, 4, 8}) near = near || std::abs(u - b + a) <= 11;
-        if (near) CHECK(std::count(nodes.begin(), nodes.end(), static_cast<double>(u)) == 1);
+  return check::at_each_level("lags", [] {
+    test_node_sums();
+    sums_of_exponentials();
+    for (const std::int64_t points : {17, 100, 4001}) {
+      std::array<double, 8> nodes{}, weights{};
+      gmwm::integer_rule(points, nodes, weights);
+      const double middle = 0.5 * static_cast<double>(points - 1), size = static_cast<double>(points);
+      for (int power = 0; power < 16; ++power) {
+        double direct = 0, rule = 0;
+        for (std::int64_t i = 0; i < points; ++i) direct += std::pow((static_cast<double>(i) - middle) / size, power);
+        for (std::size_t i = 0; i < 8; ++i) rule += weights[i] * std::pow((nodes[i] - middle) / size, power);
+        CHECK(std::abs(direct - rule) < 1e-14 * size);
       }
     }
-  covariances_are_nine_terms();
-  short_memory_is_nine_terms();
-  pieces_are_their_nodes();
-  return check::result("lags");
+    // The weights of a pair of levels add up to the number of pairs of coefficients.
+    const std::vector<std::int64_t> levels{1, 3, 7, 10};
+    for (const bool alternating : {false, true})
+      for (const auto& [diagonal, memory] : {std::pair{false, 0}, {true, 0}, {false, 5}, {false, 70}, {true, 9000}}) {
+        const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, {1e-4, 0.3, alternating, diagonal, memory});
+        CHECK(lags.odd.size() == (alternating ? lags.size : 0));
+        std::size_t pair = 0;
+        for (std::size_t k = 0; k < levels.size(); ++k)
+          for (std::size_t j = diagonal ? k : 0; j <= k; ++j, ++pair) {
+            const std::size_t start = static_cast<std::size_t>(lags.starts[pair]);
+            const std::size_t end = pair + 1 < lags.starts.size() ? static_cast<std::size_t>(lags.starts[pair + 1]) : lags.size;
+            double total = 0;
+            for (std::size_t i = start; i < end; ++i) {
+              total += lags.weight[i];
+              CHECK(lags.fine[i] == std::ldexp(1, static_cast<int>(levels[j]) - 1));
+              CHECK(lags.coarse[i] == std::ldexp(1, static_cast<int>(levels[k]) - 1));
+            }
+            const double fine = 5001 - std::ldexp(1, static_cast<int>(levels[j]));
+            const double coarse = 5001 - std::ldexp(1, static_cast<int>(levels[k]));
+            CHECK_CLOSE(total, fine * coarse, 1e-12);
+          }
+        CHECK(pair == lags.starts.size());
+      }
+    // Within the memory of a kink every lag of the record is a node, without exponentials too.
+    for (const double decay : {0.0, 0.01})
+      for (const std::int64_t samples : {150, 1000}) {
+        const gmwm::Lags lags = gmwm::covariance_lags(std::vector<std::int64_t>{3, 7}, samples, {decay, decay, false, false, 11});
+        std::vector<double> nodes(lags.lag.get() + lags.starts[1], lags.lag.get() + lags.starts[2]);
+        for (std::int64_t u = 128 - samples; u <= samples - 8; ++u) {
+          bool near = false;
+          for (const int b : {0, 64, 128})
+            for (const int a : {0, 4, 8}) near = near || std::abs(u - b + a) <= 11;
+          if (near) CHECK(std::count(nodes.begin(), nodes.end(), static_cast<double>(u)) == 1);
+        }
+      }
+    covariances_are_nine_terms();
+    short_memory_is_nine_terms();
+    pieces_are_their_nodes();
+  });
 }

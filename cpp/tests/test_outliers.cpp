@@ -117,10 +117,11 @@ void bent_samples_are_their_definition() {
 }  // namespace
 
 int main() {
-  medians_are_those_of_sorted_values();
-  large_coefficients_are_their_definition();
-  nothing_is_large_without_a_spread();
-  residuals_are_their_definition();
-  bent_samples_are_their_definition();
-  return check::result("outliers");
+  return check::at_each_level("outliers", [] {
+    medians_are_those_of_sorted_values();
+    large_coefficients_are_their_definition();
+    nothing_is_large_without_a_spread();
+    residuals_are_their_definition();
+    bent_samples_are_their_definition();
+  });
 }

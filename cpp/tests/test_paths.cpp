@@ -72,11 +72,12 @@ void alone() {
 }  // namespace
 
 int main() {
-  for (std::size_t count = 0; count <= 9; ++count)
-    for (const std::size_t n : {1, 2, 3, 50}) {
-      rows(count, n);
-      for (std::size_t p = 0; p <= 5; ++p) mixed(count, n, p);
-    }
-  alone();
-  return check::result("paths");
+  return check::at_each_level("paths", [] {
+    for (std::size_t count = 0; count <= 9; ++count)
+      for (const std::size_t n : {1, 2, 3, 50}) {
+        rows(count, n);
+        for (std::size_t p = 0; p <= 5; ++p) mixed(count, n, p);
+      }
+    alone();
+  });
 }

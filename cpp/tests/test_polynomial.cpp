@@ -8,21 +8,22 @@
 #include "check.hpp"
 
 int main() {
-  const std::vector<double> cubic{1, -6, 11, -6};  // (x - 1)(x - 2)(x - 3)
-  std::vector<double> out(3);
-  gmwm::polynomial(cubic, std::vector<double>{1, 2, 3}, out);
-  for (const double v : out) CHECK(v == 0);
+  return check::at_each_level("polynomial", [] {
+    const std::vector<double> cubic{1, -6, 11, -6};  // (x - 1)(x - 2)(x - 3)
+    std::vector<double> out(3);
+    gmwm::polynomial(cubic, std::vector<double>{1, 2, 3}, out);
+    for (const double v : out) CHECK(v == 0);
 
-  const std::vector<double> c{0.3, -0.7, 1.1, 2.0};
-  for (const int size : {0, 1, 63, 64, 65, 200}) {
-    std::vector<double> x(static_cast<std::size_t>(size));
-    for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<double>(i) / 100;
-    const std::vector<double> at = x;
-    gmwm::polynomial(c, x, x);  // in place
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const long double v = at[i], expected = ((0.3L * v - 0.7L) * v + 1.1L) * v + 2.0L;
-      CHECK(std::abs(static_cast<long double>(x[i]) - expected) < 1e-14L);
+    const std::vector<double> c{0.3, -0.7, 1.1, 2.0};
+    for (const int size : {0, 1, 63, 64, 65, 200}) {
+      std::vector<double> x(static_cast<std::size_t>(size));
+      for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<double>(i) / 100;
+      const std::vector<double> at = x;
+      gmwm::polynomial(c, x, x);  // in place
+      for (std::size_t i = 0; i < x.size(); ++i) {
+        const long double v = at[i], expected = ((0.3L * v - 0.7L) * v + 1.1L) * v + 2.0L;
+        CHECK(std::abs(static_cast<long double>(x[i]) - expected) < 1e-14L);
+      }
     }
-  }
-  return check::result("polynomial");
+  });
 }

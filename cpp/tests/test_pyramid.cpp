@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "check.hpp"
-#include "gmwm/clones.hpp"
 #include "gmwm/haar.hpp"
 
 namespace {
@@ -111,10 +110,10 @@ void what_is_not_finite_is_told() {
 }  // namespace
 
 int main() {
-  std::printf("running clone: %s\n", gmwm::running_clone());
-  variance_is_its_definition();
-  haar_is_the_running_sum();
-  steps_go_round_and_back();
-  what_is_not_finite_is_told();
-  return check::result("pyramid");
+  return check::at_each_level("pyramid", [] {
+    variance_is_its_definition();
+    haar_is_the_running_sum();
+    steps_go_round_and_back();
+    what_is_not_finite_is_told();
+  });
 }

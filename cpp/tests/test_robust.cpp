@@ -1,4 +1,4 @@
-// The biweight kernel against its definition in long double, in every clone this processor can run.
+// The biweight kernel against its definition in long double, in every version that this processor can run.
 // Built twice: with the kernel library, and with -DGMWM_PORTABLE and the portable code.
 #include <algorithm>
 #include <cmath>
@@ -10,10 +10,8 @@
 #include <vector>
 
 #include "check.hpp"
-#include "gmwm/clones.hpp"
 #include "gmwm/haar.hpp"
 #include "gmwm/robust.hpp"
-#include "gmwm/robust_tile.hpp"
 
 namespace {
 
@@ -170,45 +168,17 @@ void between_counts_and_keeps() {
   }
 }
 
-#if GMWM_HAS_CLONES
-using Tile = void (*)(const double*, std::size_t, std::size_t, const double*, double*, double*);
-#define GMWM_TILE(name, arch)                                                                                  \
-  __attribute__((target(arch))) void name(const double* p, std::size_t n, std::size_t j, const double* limit, \
-                                          double* a, double* b) {                                              \
-    gmwm::tile::biweight_of_tile(p, n, j, limit, a, b);                                                        \
-  }
-GMWM_TILE(tile_default, "default")
-GMWM_TILE(tile_v3, "arch=x86-64-v3")
-GMWM_TILE(tile_v4, "arch=x86-64-v4")
-
-void clones_agree() {
-  const bool v3 = __builtin_cpu_supports("x86-64-v3"), v4 = __builtin_cpu_supports("x86-64-v4");
-  const Values p = running_sum(white(9001));
-  const std::size_t levels = 11, first = std::size_t{1} << levels;
-  Values limits(levels), expected(2 * levels);
-  for (std::size_t k = 0; k < levels; ++k) limits[k] = std::ldexp(0.8, static_cast<int>(k));
-  tile_default(p.data() + first, p.size() - first, levels, limits.data(), expected.data(), &expected[levels]);
-  for (const Tile version : {v3 ? tile_v3 : tile_default, v4 ? tile_v4 : tile_default}) {
-    Values got(2 * levels);
-    version(p.data() + first, p.size() - first, levels, limits.data(), got.data(), &got[levels]);
-    for (std::size_t k = 0; k < got.size(); ++k) CHECK_CLOSE(got[k], expected[k], 1e-12);
-  }
-}
-#else
-void clones_agree() {}
-#endif
-
 }  // namespace
 
 int main() {
-  values_are_their_definition();
-  levels_are_their_definition();
-  levels_are_left_out();
-  every_other_tile_is_read();
-  what_ends_before_the_beginning_is_left_out();
-  outliers_add_nothing();
-  samples_are_coefficients();
-  between_counts_and_keeps();
-  clones_agree();
-  return check::result("robust");
+  return check::at_each_level("robust", [] {
+    values_are_their_definition();
+    levels_are_their_definition();
+    levels_are_left_out();
+    every_other_tile_is_read();
+    what_ends_before_the_beginning_is_left_out();
+    outliers_add_nothing();
+    samples_are_coefficients();
+    between_counts_and_keeps();
+  });
 }

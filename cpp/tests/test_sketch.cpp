@@ -123,10 +123,11 @@ void each_thread_counts_for_itself() {
 }  // namespace
 
 int main() {
-  values_fall_where_they_belong();
-  only_the_octaves_in_use_come_back();
-  more_than_a_word_holds();
-  haar_coefficients_are_those_of_the_running_sum();
-  each_thread_counts_for_itself();
-  return check::result("sketch");
+  return check::at_each_level("sketch", [] {
+    values_fall_where_they_belong();
+    only_the_octaves_in_use_come_back();
+    more_than_a_word_holds();
+    haar_coefficients_are_those_of_the_running_sum();
+    each_thread_counts_for_itself();
+  });
 }

@@ -77,8 +77,9 @@ void roots_are_counted() {
 }  // namespace
 
 int main() {
-  a_descent_finds_the_process();
-  no_step_is_the_loss_itself();
-  roots_are_counted();
-  return check::result("spectral_shape");
+  return check::at_each_level("spectral_shape", [] {
+    a_descent_finds_the_process();
+    no_step_is_the_loss_itself();
+    roots_are_counted();
+  });
 }

@@ -65,8 +65,9 @@ void states_add_up() {
 }  // namespace
 
 int main() {
-  sections_are_one_filter();
-  innovations_have_the_likelihood();
-  states_add_up();
-  return check::result("whitening");
+  return check::at_each_level("whitening", [] {
+    sections_are_one_filter();
+    innovations_have_the_likelihood();
+    states_add_up();
+  });
 }

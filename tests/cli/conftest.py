@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from gmwm.cli.main import app
 from gmwm.theory.simulation import simulate
+from tests.json_outputs import check
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ def gmwm():
         result = CliRunner().invoke(app, [str(a) for a in arguments], prog_name="gmwm")
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
+        if "--json" in arguments and result.stdout.strip():
+            check(str(arguments[0]), result.stdout)
         return Outcome(result.exit_code, result.stdout, result.stderr)
 
     return run

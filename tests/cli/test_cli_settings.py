@@ -1,9 +1,11 @@
 """Settings of a project in gmwm.toml or pyproject.toml."""
 
+import numpy as np
 import pytest
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.cli.settings import find_settings, with_settings
+from gmwm.files.readers.api import read
 from tests.helpers import raises
 
 ROWS = "".join(f"{k % 7},{k % 5},{k % 3}\n" for k in range(400))
@@ -70,3 +72,29 @@ def test_wrong_settings_are_errors(project, text, error, facts):
 def test_a_damaged_pyproject_of_another_program_is_ignored(project):
     (project / "pyproject.toml").write_text("[", encoding="utf-8")
     assert find_settings(project) == (None, {})
+
+
+def test_the_mount_names_axes_by_the_vehicle(gmwm, project):
+    (project / "gmwm.toml").write_text(f'{SETTINGS}mount = {{ x = "-y", y = "x", z = "z" }}\n', encoding="utf-8")
+    done = gmwm("convert", "one.csv", "mounted.csv")
+    assert "--mount x=-y,y=x,z=z" in done.err
+    raw = np.array([row.split(",") for row in ROWS.split()], dtype=float)
+    turned = read(project / "logs" / "mounted.csv")
+    for axis, values in {"gyro_x": -raw[:, 1], "gyro_y": raw[:, 0], "gyro_z": raw[:, 2]}.items():
+        np.testing.assert_allclose(turned[axis].values, np.deg2rad(values), rtol=1e-12)
+
+
+def test_watch_uses_settings(gmwm, project):
+    (project / "gmwm.toml").write_text(f'{SETTINGS}topic = "imu"\n', encoding="utf-8")
+    done = gmwm("watch", "one.csv", "--idle", "0.1s", "--json")
+    assert done.code == 0
+    assert list(done.json["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
+    assert "--topic" not in done.err
+
+
+@pytest.mark.parametrize("mount", ["x=y", "x=y,y=y,z=z", "x=--y,y=x,z=z", "up=z,x=x,y=y"])
+def test_a_mount_has_each_axis_once(gmwm, project, mount):
+    (project / "gmwm.toml").write_text(SETTINGS, encoding="utf-8")
+    done = gmwm("info", "one.csv", "--mount", mount)
+    assert done.code == 2
+    assert "x=-y,y=x,z=z" in done.err

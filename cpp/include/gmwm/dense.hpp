@@ -9,7 +9,7 @@
 
 namespace gmwm {
 
-// Inlined, for loops that are a clone themselves.
+// Inlined, for loops that have versions themselves.
 GMWM_INLINE double dot_product(const double* a, const double* b, std::size_t n) {
   Pack first = Pack::of(0), second = first;
   std::size_t i = 0;

@@ -1,4 +1,4 @@
-// The inner loops of the Haar kernel, inlined into every clone (src/haar.cpp) and tested in each.
+// The inner loops of the Haar kernel, inlined into every version (src/haar.cpp) and tested in each.
 #pragma once
 
 #include <algorithm>

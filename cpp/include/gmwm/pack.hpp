@@ -16,8 +16,9 @@
 namespace gmwm {
 
 // A vector of four doubles. GCC and Clang keep the vector type in registers; a loop over an array is not always
-// vectorised, and wider types are very slow on processors without such registers.
-#if defined(GMWM_HAS_VECTORS)
+// vectorised, and wider types are very slow on processors without such registers. Such processors are those without
+// AVX: the registers of ARM and of WebAssembly hold two doubles.
+#if defined(GMWM_HAS_VECTORS) && GMWM_HAS_CLONES
 struct Pack {
   static constexpr std::size_t size = 4;
   typedef double Values __attribute__((vector_size(32)));
@@ -41,8 +42,7 @@ struct Pack {
   }
 };
 
-#if GMWM_HAS_CLONES
-// A vector of eight doubles, for the clone x86-64-v4 only, with the operations of the Haar kernel.
+// A vector of eight doubles, for the version x86-64-v4 only, with the operations of the Haar kernel.
 struct WidePack {
   static constexpr std::size_t size = 8;
   typedef double Values __attribute__((vector_size(64)));
@@ -56,7 +56,36 @@ struct WidePack {
   GMWM_INLINE WidePack operator*(const WidePack& o) const { return {v * o.v}; }
   GMWM_INLINE double total() const { return ((v[0] + v[4]) + (v[2] + v[6])) + ((v[1] + v[5]) + (v[3] + v[7])); }
 };
-#endif
+#elif defined(GMWM_HAS_VECTORS)
+struct Pack {
+  static constexpr std::size_t size = 4;
+  typedef double Values __attribute__((vector_size(16)));
+  typedef double Memory __attribute__((vector_size(16), aligned(8), may_alias));
+  Values low, high;
+
+  static GMWM_INLINE Values at(const double* p) { return *reinterpret_cast<const Memory*>(p); }
+  static GMWM_INLINE Pack of(double a) { return {Values{a, a}, Values{a, a}}; }
+  static GMWM_INLINE Pack load(const double* p) { return {at(p), at(p + 2)}; }
+  GMWM_INLINE void store(double* p) const {
+    *reinterpret_cast<Memory*>(p) = low;
+    *reinterpret_cast<Memory*>(p + 2) = high;
+  }
+  GMWM_INLINE Pack operator+(const Pack& o) const { return {low + o.low, high + o.high}; }
+  GMWM_INLINE Pack operator-(const Pack& o) const { return {low - o.low, high - o.high}; }
+  GMWM_INLINE Pack operator*(const Pack& o) const { return {low * o.low, high * o.high}; }
+  GMWM_INLINE double first() const { return low[0]; }
+  GMWM_INLINE Pack last() const { return of(high[1]); }
+  GMWM_INLINE double total() const {
+    const Values sum = low + high;
+    return sum[0] + sum[1];
+  }
+  GMWM_INLINE Pack running_sum() const {
+    const Values zero = {};
+    const Values start = low + __builtin_shufflevector(zero, low, 0, 2);
+    const Values end = high + __builtin_shufflevector(zero, high, 0, 2);
+    return {start, end + __builtin_shufflevector(start, start, 1, 1)};
+  }
+};
 #else
 struct Pack {
   static constexpr std::size_t size = 4;
@@ -84,6 +113,9 @@ struct Pack {
     return {{v[0], low, low + v[2], low + (v[2] + v[3])}};
   }
 };
+#endif
+#if !GMWM_HAS_CLONES
+using WidePack = Pack;
 #endif
 
 }  // namespace gmwm

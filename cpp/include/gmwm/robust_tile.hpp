@@ -1,4 +1,4 @@
-// The inner loops of the biweight kernel, inlined into every clone (src/robust.cpp) and tested in each.
+// The inner loops of the biweight kernel, inlined into every version (src/robust.cpp) and tested in each.
 #pragma once
 
 #include <algorithm>
@@ -15,8 +15,10 @@ inline constexpr std::size_t biweight_fused = 3;
 
 // The elementwise minimum, also for infinite p.
 GMWM_INLINE Pack smaller(const Pack& p, const Pack& limit) {
-#if defined(GMWM_HAS_VECTORS)
+#if defined(GMWM_HAS_VECTORS) && GMWM_HAS_CLONES
   return {p.v < limit.v ? p.v : limit.v};
+#elif defined(GMWM_HAS_VECTORS)
+  return {p.low < limit.low ? p.low : limit.low, p.high < limit.high ? p.high : limit.high};
 #else
   Pack out = limit;
   for (std::size_t l = 0; l < Pack::size; ++l) out.v[l] = std::min(p.v[l], limit.v[l]);

@@ -305,6 +305,17 @@ def _print_manual(context: typer.Context, wanted: bool) -> None:
         raise typer.Exit
 
 
+def _print_schema(name: str | None) -> None:
+    if name is not None:
+        import json
+
+        from gmwm.cli.manual import schema
+
+        print(json.dumps(schema(name), indent=1))
+        raise typer.Exit
+
+
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
@@ -329,6 +340,10 @@ def _gmwm(
         bool,
         typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -."),
     ] = False,
+    schema: Annotated[
+        str | None,
+        typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP),
+    ] = None,
 ) -> None:
     """Print the help if no command is given."""
     if context.invoked_subcommand is None:

@@ -62,6 +62,13 @@ Increments = Annotated[
         metavar="gyro,accel",
     ),
 ]
+Mount = Annotated[
+    str | None,
+    InputOption(
+        help="How the unit is mounted: the axis of the unit, with its sign, along each of x, y and z of the vehicle.",
+        metavar="x=-y,y=x,z=z",
+    ),
+]
 Columns = Annotated[
     str | None,
     InputOption(
@@ -136,6 +143,7 @@ class ReadOptionTexts:
     topic: Topic = None
     scale: Scale = None
     increments: Increments = None
+    mount: Mount = None
 
     def parse(self) -> ReadOptions:
         """Parse and check the options, and return them as `ReadOptions`."""
@@ -145,6 +153,7 @@ class ReadOptionTexts:
             stop=None if self.stop is None else parse_length(self.stop, "stop"), skip=parse_skips(self.skip),
             format=self.format, topic=self.topic, scale=parse_scale(self.scale) or {},
             increments=[part.strip() for part in (self.increments or "").split(",") if part.strip()],
+            mount=parse_mount(self.mount),
         )  # fmt: skip
 
 
@@ -258,3 +267,13 @@ def only_file(files: Sequence[Path], option: str) -> Path:
             got=[str(file) for file in files], advice="Pass one file, or leave the option out.",
         )  # fmt: skip
     return files[0]
+
+
+def parse_mount(text: str | None) -> dict[str, str]:
+    """Parse the text of the option `mount`.
+
+    >>> parse_mount("x=-y,y=x,z=z")
+    {'x': '-y', 'y': 'x', 'z': 'z'}
+    """
+    pairs = [part.partition("=") for part in (text or "").split(",") if part.strip()]
+    return {key.strip(): axis.strip() for key, _, axis in pairs}

@@ -15,7 +15,7 @@ else:
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.text import counted
 
-OPTIONS = ("rate", "units", "columns", "scale", "increments", "format", "topic")
+OPTIONS = ("rate", "units", "columns", "scale", "increments", "mount", "format", "topic")
 """Options that describe the files of a logger. All others belong to one recording or one run."""
 
 
@@ -23,7 +23,7 @@ def with_settings(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return the options of a command, in which those that are not given have the values of the settings of a folder or
     of the next folder above it that has settings. A line on stderr states the values that are used."""
     path, settings = find_settings(folder)
-    used = {name: value for name, value in settings.items() if options[name] is None}
+    used = {name: value for name, value in settings.items() if options.get(name, value) is None}
     if used:
         texts = ", ".join(f"--{name} {value}" for name, value in used.items())
         print(f"note: {counted(len(used), 'option')} of {path}: {texts}", file=sys.stderr)

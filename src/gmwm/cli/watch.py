@@ -8,6 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -19,7 +20,8 @@ from gmwm.cli.command import command
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
-from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
+from gmwm.cli.read_options import Axes, Columns, Increments, Mount, Rate, ReadOptionTexts, Scale, Units, chosen_names
+from gmwm.cli.settings import with_settings
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
@@ -199,6 +201,7 @@ def watch(
     columns: Columns = None,
     scale: Scale = None,
     increments: Increments = None,
+    mount: Mount = None,
     axis: Axes = None,
     model: Annotated[
         str | None,
@@ -235,7 +238,10 @@ def watch(
     parsed = None if model is None else Model.parse(model)
     if seconds <= 0:
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
-    reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parse()
+    texts = {
+        "rate": rate, "units": units, "columns": columns, "scale": scale, "increments": increments, "mount": mount,
+    }  # fmt: skip
+    reading = ReadOptionTexts(**with_settings(texts, Path.cwd())).parse()
     with growing_source(file) as (take, name), interruptible() as stopped:
         view = _StatusDisplay(
             every=seconds, stopped=stopped, model=parsed, accuracy=share, datasheet=datasheet, json=json

@@ -55,6 +55,8 @@ class ReadOptions:
         Factor by axis or sensor that converts the numbers in the file to the declared unit.
     increments : bool or sequence
         Sensors and axes whose numbers are integrals over one sampling interval; True for both sensors.
+    mount : mapping
+        Axis of the unit, with its sign, that points along x, y and z of the vehicle.
 
     Raises
     ------
@@ -81,6 +83,7 @@ class ReadOptions:
     topic: str | None = None
     scale: Mapping[str, float] = field(default_factory=dict)
     increments: bool | Sequence[str] = ()
+    mount: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         one_of(self.gaps, "gaps", ("keep", "longest"))
@@ -97,6 +100,7 @@ class ReadOptions:
             "skip": tuple((float(begin), float(end)) for begin, end in self.skip),
             "scale": _checked_scale(self.scale),
             "increments": _checked_increments(self.increments),
+            "mount": _checked_mount(self.mount),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -234,6 +238,16 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
             raise OptionError(argument="scale", expected=f"a finite number other than 0 for {key}", got=value)
         factors[key] = factor
     return factors
+
+
+def _checked_mount(mount: Mapping[str, str]) -> dict[str, str]:
+    """Check the mount: x, y and z of the vehicle, and an axis of the unit for each."""
+    pairs = mount.items() if isinstance(mount, Mapping) else [("", "")]
+    axes = {str(key): str(axis).removeprefix("+") for key, axis in pairs}
+    if axes and not sorted(axes) == sorted(axis.removeprefix("-") for axis in axes.values()) == ["x", "y", "z"]:
+        expected = "the axis of the unit along each of x, y and z of the vehicle, such as x=-y,y=x,z=z"
+        raise OptionError(argument="mount", expected=expected, got=mount)
+    return axes
 
 
 def _checked_increments(increments: bool | Sequence[str]) -> tuple[str, ...]:

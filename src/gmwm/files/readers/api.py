@@ -27,8 +27,9 @@ def read(
     path: Source, rate: float | None = None, columns: Columns | None = None, units: Mapping[str, str] | None = None,
     *,
     gaps: Gaps = "keep", bad_lines: BadLines = "error", format: str | None = None,
-    scale: Mapping[str, float] | None = None, increments: bool | Sequence[str] = (), topic: str | None = None,
-    start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = (),
+    scale: Mapping[str, float] | None = None, increments: bool | Sequence[str] = (),
+    mount: Mapping[str, str] | None = None, topic: str | None = None, start: float | None = None,
+    stop: float | None = None, skip: Sequence[tuple[float, float]] = (),
 ) -> Imu:  # fmt: skip
     """Read a static recording from a file, in rad/s and m/s².
 
@@ -63,6 +64,10 @@ def read(
         The sensors or axes whose numbers are integrals over a sample interval (increments), such as ["gyro"]; True for
         all. They are multiplied by the rate. Declare the unit of the rate, for example "deg/s" for increments in
         degrees.
+    mount : mapping, optional
+        How the unit is mounted: the axis of the unit, with its sign, that points along each axis of the vehicle, such
+        as {"x": "-y", "y": "x", "z": "z"}. Other options and remarks on columns name the axes of the unit; the
+        recording has those of the vehicle.
     topic : str, optional
         Name of the recording in a file with several recordings, such as the topic of a ROS bag. It is required unless
         exactly one recording in the file is recognised as inertial.
@@ -110,7 +115,8 @@ def read(
     """
     options = ReadOptions(
         rate=rate, columns=columns, units={} if units is None else units, gaps=gaps, start=start, stop=stop, skip=skip,
-        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, bad_lines=bad_lines,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, mount=mount or {},
+        bad_lines=bad_lines,
     )  # fmt: skip
     return read_file(path, options)
 
@@ -119,8 +125,9 @@ def stream(
     path: Source, rate: float | None = None, columns: Columns | None = None, units: Mapping[str, str] | None = None,
     *,
     chunk: int = CHUNK_SAMPLES, format: str | None = None, scale: Mapping[str, float] | None = None,
-    increments: bool | Sequence[str] = (), topic: str | None = None, start: float | None = None,
-    stop: float | None = None, skip: Sequence[tuple[float, float]] = (), bad_lines: BadLines = "error",
+    increments: bool | Sequence[str] = (), mount: Mapping[str, str] | None = None, topic: str | None = None,
+    start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = (),
+    bad_lines: BadLines = "error",
 ) -> Stream:  # fmt: skip
     """Stream a static recording from a file, in rad/s and m/s², chunk by chunk, for files larger than memory.
 
@@ -131,7 +138,7 @@ def stream(
 
     Parameters
     ----------
-    path, rate, columns, units, format, scale, increments, topic, start, stop, skip, bad_lines
+    path, rate, columns, units, format, scale, increments, mount, topic, start, stop, skip, bad_lines
         As for `read`. For the rows after `stop`, only the time stamps are read.
     chunk : int
         Largest number of samples in a chunk.
@@ -166,7 +173,8 @@ def stream(
     """
     options = ReadOptions(
         rate=rate, columns=columns, units={} if units is None else units, start=start, stop=stop, skip=skip,
-        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, bad_lines=bad_lines,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, mount=mount or {},
+        bad_lines=bad_lines,
     )  # fmt: skip
     return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
 
@@ -222,7 +230,7 @@ class _OpenFile:
         def open_rows(rows: FileRows | HeldRows, begin: float = 0.0) -> _OpenFile:
             interpretation = understand(layout, choice, rows.first(choice), path=file, options=options, source=rows)
             timing = replace(interpretation.timing, base=replace(interpretation.timing.base, left=begin))
-            return cls(file, rows, replace(interpretation, timing=timing))
+            return cls(file, rows, replace(interpretation, timing=timing).mounted(options.mount))
 
         try:
             return open_rows(rows)

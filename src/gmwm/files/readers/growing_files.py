@@ -231,6 +231,7 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
     first = first_rows(reader.rows(_GrowingText(path, head, None), layout, list(choice.columns.values())), choice)
     interpretation = understand(layout, choice, first, path=path, options=options, source=None)
+    interpretation = interpretation.mounted(options.mount)
     warn(interpretation.remarks, stacklevel=2)
     return Stream(str(path), interpretation, _LiveRows(reader, _GrowingText(path, head, lines), layout), READ_BYTES)
 

@@ -75,6 +75,20 @@ class Interpretation:
         columns = {role: k for role, k in self.choice.columns.items() if role != TEMPERATURE}
         return replace(self, choice=ColumnChoice(columns, self.choice.remarks), first_temperature=None)
 
+    def mounted(self, mount: Mapping[str, str]) -> Interpretation:
+        """Return it with the axes of the vehicle: each is an axis of the unit, multiplied by −1 if its sign is −."""
+        sources = {f"{sensor}_{axis}": f"{sensor}_{mount.get(axis, axis)}" for sensor in SI_UNIT for axis in "xyz"}
+        signs = {axis: -1.0 for axis, source in sources.items() if "-" in source}
+        names = {source.replace("-", ""): axis for axis, source in sources.items()}
+
+        def of_vehicle(by_role: Mapping[str, T]) -> dict[str, T]:
+            return {names.get(role, role): value for role, value in by_role.items()}
+
+        factors = of_vehicle(self.factors)
+        factors |= {axis: (*factors[axis], sign) for axis, sign in signs.items() if axis in factors}
+        choice = ColumnChoice(of_vehicle(self.choice.columns), self.choice.remarks)
+        return replace(self, choice=choice, words=of_vehicle(self.words), factors=factors)
+
 
 class RowSource(Protocol):
     """Source of the rows of a recording."""
