@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Severity
-from gmwm.calibration.findings import line_share
+from gmwm.calibration.findings import line_share, oscillations_in_n
 from gmwm.measuring.spectrum import Line
 from tests.helpers import code_of
 
@@ -99,3 +99,16 @@ def test_a_peak_of_an_oscillation_of_the_model_is_no_line():
     assert [line.frequency for line in axis.spectrum.lines] == [pytest.approx(0.4, rel=0.01)]
     assert "OSC" in axis.fit.model.terms
     assert "lines" not in {remark.code for remark in found.remarks}
+
+
+@pytest.mark.parametrize(("power", "times"), [(4e-7, None), (1.2e-6, 1.18), (1e-5, 2.08)])
+def test_an_oscillation_inside_n_is_named(power, times):
+    """An oscillation of 0.56 Hz raises N of the white noise by 6, 18 and 108 %; below a tenth, nothing is said."""
+    model = f"WN(sigma2=1e-4) + OSC(frequency=0.56, quality=20, sigma2={power})"
+    made = gmwm.simulate_signal(model, rate=RATE, samples=400_000, rng=3, unit="rad/s")
+    fit = gmwm.fit("WN + OSC(frequency=fixed(0.56), quality=fixed(20))", made.signal)
+    remarks = list(oscillations_in_n("gyro_x", fit))
+    assert [code_of(remark) for remark in remarks] == ([] if times is None else ["lines:inside"])
+    for remark in remarks:
+        assert remark.facts["factor"] == pytest.approx(times, rel=0.05)
+        assert remark.facts["frequencies"][0].value == pytest.approx(0.56)

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base.errors import MissingTheoryError
 from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.text import duration_text, round_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
+from gmwm.choosing.datasheets.effective import Use
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
@@ -45,6 +48,9 @@ LEAST_SCALES = 4
 model other than white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 PLANNED_ERROR = 0.2
 """Relative standard error that the recommended recording lengths achieve (tests/calibration/test_calibrate.py)."""
+RAISED_N = 1.1
+"""Factor by which an oscillation raises N of the default filter from which a remark says so. Below it, N is the white
+noise of the sensor within the usual tolerance of a datasheet, 10 % (tests/calibration/test_spectrum.py)."""
 CLOSE_MISFIT = 0.05
 """Largest relative misfit for which a rejected model can still be used. The misfit is taken over the scales with more
 than 30 degrees of freedom. Datasheet numbers are square roots of variances, so their relative error is about half of
@@ -167,6 +173,7 @@ def _of_axis(
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
         yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit))
+    yield from oscillations_in_n(axis, axis_calibration.fit)
     yield from spectrum_remarks(axis, axis_calibration)
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
     if time is not None:
@@ -294,7 +301,7 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     }
     parameters = tuple(lines.get(name, name) for name in needed)
     seconds = sorted(math.inf if length is None else length for length in needed.values())
-    first, last = ("∞" if math.isinf(length) else duration_text(length) for length in (seconds[0], seconds[-1]))
+    first, last = ("no length" if math.isinf(length) else duration_text(length) for length in (seconds[0], seconds[-1]))
     return Remark.of(
         "poorly-known", axis, case="fit", parameters=parameters, seen=CERTAIN_ERROR, wanted=PLANNED_ERROR,
         lengths=first if first == last else f"{first} to {last}",
@@ -335,6 +342,30 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
             "resonance-found", axis, frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
             widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
             heights=tuple(bump.height for bump in spectrum.bumps),
+        )  # fmt: skip
+
+
+def oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
+    """Yield a remark if oscillations or lines of the model raise N of the default filter by more than a tenth."""
+    rate = fit.wavelet_variance.rate
+    processes = [process for process in fit.model.processes if process.scale > 0 and Use().contains(process, rate)]
+    oscillating = [process for process in processes if process.oscillation() is not None]
+    if not oscillating:
+        return
+    try:
+        whole = filter_numbers(processes, rate).N
+    except MissingTheoryError:  # a process from another package without a spectral density
+        return
+    strong = [
+        process for process in oscillating
+        if whole > RAISED_N * filter_numbers([other for other in processes if other is not process], rate).N
+    ]  # fmt: skip
+    if strong:
+        alone = filter_numbers([process for process in processes if process not in strong], rate).N
+        frequencies = sorted(process.oscillation() or 0.0 for process in strong)
+        yield Remark.of(
+            "lines", axis, case="inside", frequencies=tuple(Quantity(frequency, "Hz") for frequency in frequencies),
+            factor=whole / alone if alone > 0 else math.inf,
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, Quantity, Severity, brief, texts
+from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
 from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gmwm.theory.processes import Model
 
 LEGEND = (
-    "N, K: white noise and random walk for a filter. B: bias instability. ±: half the 95 % confidence interval. "
+    "N, K: white noise and random walk for a filter. B: bias instability. ±, +a/−b, a … b: 95 % interval. "
     "✓ use, ≤ use as an upper limit, ✗ do not use."
 )
 
@@ -162,9 +162,11 @@ def summary(
     parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
     parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
     remarks_shown = [remark for remark in calibration.remarks if remark not in equality]
-    if not (every or details):
-        remarks_shown = [remark for remark in remarks_shown if remark.severity is not Severity.INFO]
+    notes = [] if every or details else [remark for remark in remarks_shown if remark.severity is Severity.INFO]
+    remarks_shown = [remark for remark in remarks_shown if remark not in notes]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
+    if remarks and notes:
+        remarks.append(f"{counted(len(merged(notes)), 'note')} that affect no number: {REST[dialect]}")
     if remarks:
         head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
         parts.append([head, *(line for text in remarks for line in bullet(text))])

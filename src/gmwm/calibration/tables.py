@@ -46,7 +46,8 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """Format a number with half its interval in per cent, with both ends if wide, or as an upper limit."""
+    """Format a number with half its interval in per cent, with both parts if one is twice the other, with the ends
+    alone if wide, or as an upper limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{round_text(value, 3)} fixed"
@@ -59,7 +60,12 @@ def number(entry: Entry) -> str:
     half = (high - low) / 2
     if half > CERTAIN_ERROR * abs(value):
         return f"{round_text(low)} … {round_text(high)}"
-    return f"{round_text(value, 3)} ± {round_text(100 * half / abs(value))} %" if value else round_text(value, 3)
+    if not value:
+        return round_text(value, 3)
+    below, above, half = (100 * part / abs(value) for part in (value - low, high - value, half))
+    if max(below, above) > 2 * min(below, above):
+        return f"{round_text(value, 3)} +{round_text(above)}/−{round_text(below)} %"
+    return f"{round_text(value, 3)} ± {round_text(half)} %"
 
 
 def with_error(entry: Entry) -> str:
