@@ -166,7 +166,7 @@ def summary(
     remarks_shown = [remark for remark in remarks_shown if remark not in notes]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
     if remarks and notes:
-        remarks.append(f"{counted(len(merged(notes)), 'note')} that affect no number: {REST[dialect]}")
+        remarks.append(f"{counted(len(merged(notes)), 'further note')}: {REST[dialect]}")
     if remarks:
         head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
         parts.append([head, *(line for text in remarks for line in bullet(text))])

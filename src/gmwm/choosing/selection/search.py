@@ -26,7 +26,7 @@ from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.fast_part import BESIDE, FAST, FastPart, autoregression, fast_parts
 from gmwm.choosing.selection.peaks import narrow_bumps, oscillating, peak_terms
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
-from gmwm.choosing.selection.search_steps import Entry, Exit, SearchStep
+from gmwm.choosing.selection.search_steps import REJECTED, Entry, Exit, SearchStep
 from gmwm.choosing.selection.shape_error import acts_as_filter, with_oscillator_error, with_sampling_error
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
@@ -48,9 +48,6 @@ from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
 from gmwm.theory.processes.walk import RW
 
-REJECTED = 0.002
-"""The search continues if the p-value of the goodness-of-fit test is below this level. A true model has such a p-value
-in 2 of 1000 recordings."""
 SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
 for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from textwrap import wrap
@@ -37,14 +38,17 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "oscillation": "with a slow oscillation that is fitted to the wavelet variance",
     "sensor": "one form of slow noise for the axes of the sensor",
 }
+REJECTED = 0.002
+"""The search continues if the p-value of the goodness-of-fit test is below this level. A true model has such a p-value
+in 2 of 1000 recordings."""
 EXIT_TEXTS: Mapping[Exit, str] = {
-    "accepted": "The test accepts {model}{p}.",
-    "all-rejected": "The test rejects all of its models{p}, so they were not compared.",
-    "rejected": "The test rejects {model}{p}.",
-    "filter-possible": "The test accepts {model}{p}, but one of its Gauss-Markov terms may be a filter of the sensor.",
+    "accepted": "{model}{p} is kept: the search goes on only below p = {level}.",
+    "all-rejected": "None of its models reaches p = {level}{p}, so they were not compared.",
+    "rejected": "{model}{p} does not reach p = {level}.",
+    "filter-possible": "{model}{p} fits, but one of its Gauss-Markov terms may be a filter of the sensor.",
     "lines-absent": "In {model}, the power of a line is estimated as zero.",
-    "model-error": "The test rejects its models{bound}, but {model} with a model error of {error:.2g} % fits{p}.",
-    "last": "The test rejects {model}{p}, but there is no further family.",
+    "model-error": "{model} fits with a model error of {error:.2g} %{p}, but does not reach p = {level} without it.",
+    "last": "{model}{p} does not reach p = {level}, but there is no further family.",
     "shared": "{model}{p} has the form that most axes of the sensor accept, and that does not increase their criteria.",
 }
 
@@ -90,8 +94,9 @@ class SearchStep(Documented):
         """Return the step as two or three sentences."""
         pvalue = self.bound if self.recommended is None else self.pvalue
         reason = EXIT_TEXTS[self.left].format(
-            model=self.recommended, p=_in_brackets(pvalue), bound=_in_brackets(self.bound), error=100 * self.model_error
+            model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=REJECTED
         )
+        reason = re.sub(r"\d+\.\d{5,}", lambda digits: f"{float(digits[0]):.4g}", reason)
         return f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}"
 
 

@@ -21,7 +21,7 @@ class _Floor(TwoNumbers):
     step: ClassVar[float]
     """Time step Δt of the filter (s)."""
     keys: ClassVar[tuple[str, str, str, str]]
-    """Names of the parameters: noise of gyroscopes, noise of accelerometers, and the same for their biases."""
+    """Names of the parameters: noise of gyroscopes and accelerometers, and the same for their biases."""
     row: ClassVar[str]
     """Template of a line of the file."""
 
@@ -29,18 +29,19 @@ class _Floor(TwoNumbers):
         """Return the four parameters as comment lines, so that loading the file changes nothing."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         factor = 1 / math.sqrt(self.step)
-        found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
+        numbers = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
         return [
             f"# {self.row.format(key=key, value=written(number.scaled(factor)))}{limit_mark(number)}"
-            for key, number in zip(self.keys, found, strict=True)
+            for key, number in zip(self.keys, numbers, strict=True)
         ]
 
 
-def _meaning(step: float, keys: Sequence[str]) -> tuple[str, ...]:
+def _meaning(step: float, keys: Sequence[str], defaults: str) -> tuple[str, ...]:
     return (
-        "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults are about 100 times larger "
-        "because they include vibration, timing, misalignment and linearisation. A vehicle with these values may "
-        "crash. Never set a parameter below its bound; an upper limit is no bound. All lines are comments.",
+        "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults, "
+        f"{defaults}, include vibration, timing, misalignment and linearisation: keep them where they are larger. A "
+        "vehicle with the values of the sensor may crash. Never set a parameter below its bound; an upper limit is no "
+        "bound. All lines are comments.",
         f"Units: discrete, standard deviations for a filter step of {1000 * step:g} ms: {keys[0]} rad/s, "
         f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
     )
@@ -64,7 +65,7 @@ class Px4(_Floor):
     keys = _PX4
     # The columns are vehicle, component, name, value and type 9 (a float), separated by tabs.
     row = "1\t1\t{key}\t{value}\t9"
-    meaning = _meaning(0.010, _PX4)
+    meaning = _meaning(0.010, _PX4, "0.015, 0.35, 0.001 and 0.003")
 
 
 @register
@@ -80,7 +81,7 @@ class ArduPilot(_Floor):
     step = 0.012
     keys = _ARDUPILOT
     row = "{key},{value}"
-    meaning = _meaning(0.012, _ARDUPILOT)
+    meaning = _meaning(0.012, _ARDUPILOT, "0.015, 0.35, 0.001 and 0.02")
 
 
 _MEANING = (

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.calibration.result import AxisCalibration
 
-_ABOUT = "Continuous-time numbers of each axis, from the whole model, without inflation and horizon."
+_ABOUT = (
+    "Continuous-time numbers of each axis, without inflation. N and K: of a filter that predicts 1 s; the numbers with "
+    "a term describe the model."
+)
 
 
 @register
@@ -36,7 +39,8 @@ class CsvTable(Exporter):
                 *top(self, calibration),
                 recording(calibration),
                 f"{_ABOUT} low and high: {100 * level:g} % confidence interval. If upper_only is true, the number is "
-                "zero or not distinguished from zero, and high is its upper limit. inf: not determined.",
+                "zero or not distinguished from zero, and high is its upper limit. inf: not determined. No low and "
+                "high: taken from the spectrum.",
                 *paragraphs(self.remarks(calibration, options)),
             ],
             "#",
@@ -49,9 +53,13 @@ class CsvTable(Exporter):
         )  # fmt: skip
         for axis, found in calibration.axes.items():
             for entry in found.datasheet.entries:
+                si, datasheet = (
+                    [value, "", "", unit] if entry.held else [value, low, high, unit]
+                    for value, low, high, unit in map(entry.in_units, ("si", "datasheet"))
+                )
                 rows.writerow(
                     [*map(_text, (axis, found.fit.model.structure, entry.symbol, entry.title, entry.term or "")),
-                     *entry.in_units("si"), str(entry.upper_only).lower(), *entry.in_units("datasheet")]
+                     *si, str(entry.upper_only).lower(), *datasheet]
                 )  # fmt: skip
         return "\n".join([*head, out.getvalue()])
 

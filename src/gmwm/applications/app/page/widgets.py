@@ -95,7 +95,7 @@ def by_severity(found: Iterable[Remark]) -> Any:
     titles = {
         "bad": "Find the cause before you use the numbers",
         "look": "Read before you use the numbers",
-        "good": "Notes that affect no number",
+        "good": "Further notes",
     }
     groups: dict[str, list[Remark]] = {state: [] for state in titles}
     for remark in found:
