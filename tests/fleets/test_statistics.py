@@ -354,7 +354,7 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
     found = fleet_statistics(table)
     remarks = [*of_units(table, len(names), len(failed)), *found.remarks]
     many = SimpleNamespace(
-        units=names, failed=failed, left_out={}, kept=15, done=5, table=table, statistics=found, remarks=remarks
+        units=names, failed=failed, left_out=(), kept=15, done=5, table=table, statistics=found, remarks=remarks
     )
     text = summary(many)
     assert max(map(len, text.splitlines())) <= 80
