@@ -63,7 +63,7 @@ Row = dict[str, Any]
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Remarks on clean and faulty recordings, and N of the faulty ones."""
-    clean, faulty = (3, 1) if reduced else (12, 4)
+    clean, faulty = (3, 1) if reduced else (30, 12)
     kinds = ("held_4", "jump_white") if reduced else tuple(faults.FAULTS)
     return {
         "clean_recordings": clean, "recordings": faulty, "samples": SAMPLES, "rate": faults.RATE,

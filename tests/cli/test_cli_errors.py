@@ -50,7 +50,7 @@ CASES = {
     "names that repeat": (["info", "{repeated}"], ["--columns time=0,gyro_x=1"]),
     "a unit of time that is not clear": (
         ["info", "{unclear}"],
-        ["10000", "0.1 Hz in ms", "100 Hz in us", "--units time=s", "--units time=ms"],
+        ["interval of 1 ", "1 Hz in s", "1000 Hz in ms", "--units time=s", "--units time=ms"],
     ),
     "a pipe": (["info", "/dev/null"], ["/dev/null"]),
     "stamps out of order": (["wv", "{disorder}"], ["--columns time=", "--rate"]),
@@ -117,7 +117,7 @@ def places(folder, recording, unlabelled, broken):
     foreign.write_bytes(bytes(range(256)) * 8)
     texts = {
         "repeated": "time [s],gx [rad/s],gx [rad/s]\n" + "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(50)),
-        "unclear": "t,gx [rad/s]\n" + "".join(f"{10_000 * k},{k % 7}\n" for k in range(50)),
+        "unclear": "t,gx [rad/s]\n" + "".join(f"{k},{k % 7}\n" for k in range(50)),
         "disorder": "t [s],gx [rad/s]\n" + "".join(f"{(k ^ 3) / 100},{k % 7}\n" for k in range(50)),
     }
     for name, text in texts.items():

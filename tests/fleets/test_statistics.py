@@ -353,7 +353,9 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
     names = [*table["unit"].unique(maintain_order=True), *failed]
     found = fleet_statistics(table)
     remarks = [*of_units(table, len(names), len(failed)), *found.remarks]
-    many = SimpleNamespace(units=names, failed=failed, kept=15, done=5, table=table, statistics=found, remarks=remarks)
+    many = SimpleNamespace(
+        units=names, failed=failed, left_out=(), kept=15, done=5, table=table, statistics=found, remarks=remarks
+    )
     text = summary(many)
     assert max(map(len, text.splitlines())) <= 80
     flat = " ".join(text.split())

@@ -289,12 +289,12 @@ def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: Rank
     """
     try:
         general = nearly_fitted(largest_within(SLOW, wv), wv, options.weighting)
+        return general, Distance.of(general).surely
     except ModelError:
         lines = () if spectrum is None else peak_terms(spectrum, wv, narrow_bumps(spectrum))
         if not lines:
             raise
         return nearly_fitted(largest_within(SLOW, wv, lines), wv, options.weighting), 0.0
-    return general, Distance.of(general).surely
 
 
 def _with_filter(

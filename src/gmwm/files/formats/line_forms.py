@@ -122,6 +122,7 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     if spelt:
         replacements.append((rf"(?<=[\d.]) {{0,2}}(?:{spelt})(?=[\s,;|]|$)".encode(), b""))
     if names:
+        replacements = [(old, b" " if old == b" -> " else new) for old, new in replacements]
         replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
         names = (*["time"] * arrows, *names)
         replacements.append((rb"[,;|](?=\s)", b""))
