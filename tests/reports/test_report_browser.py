@@ -13,7 +13,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright
 
 pytestmark = pytest.mark.browser
 
-WIDTHS = (360, 390, 1280)
+WIDTHS = (360, 390, 500, 1000, 1200, 1280)
 
 
 def until(page, expression):
@@ -75,6 +75,8 @@ def test_it_draws_in_its_width_and_asks_for_nothing(opened, files, name, width):
     assert drawn
     assert min(drawn) >= 2
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    wider = "[...document.querySelectorAll('.wide:has(.filter)')].filter(t => t.scrollWidth > t.clientWidth).length"
+    assert name == "hostile" or page.evaluate(wider) == 0
     widths = page.evaluate("[...document.querySelectorAll('.main-svg')].map(s => s.getBoundingClientRect().right)")
     assert max(widths) <= width
     assert page.asked == [files[name]]
@@ -181,10 +183,22 @@ def test_it_prints_without_buttons_and_with_everything_open(opened, calibration)
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
     # Figures in folded parts are drawn again when the parts are opened.
     assert page.evaluate(widths)[: len(on_screen)] == on_screen
+    page.emulate_media(media="print")
     printed = page.pdf(format="A4")
     assert printed.startswith(b"%PDF")
-    # At least a page for each axis, and one for the verdict.
-    assert printed.count(b"/Type /Page\n") > len(calibration)
+    # A page for each axis, and at most two before and two after them.
+    assert len(calibration) < printed.count(b"/Type /Page\n") <= len(calibration) + 4
+
+
+def test_no_legend_is_cut(opened):
+    page = opened(width=360, opens="#axis1")
+    cut = """[...document.querySelectorAll('.legend')].map(legend => {
+        const right = (part) => part.getBoundingClientRect().right;
+        return Math.max(...[...legend.querySelectorAll('.legendtext')].map(right)) - right(legend.querySelector('.bg'));
+    })"""
+    assert max(page.evaluate(cut)) <= 0
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert max(page.evaluate(cut)) <= 0
 
 
 def test_without_scripts_the_numbers_are_there(browser, files, calibration):

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.likelihood.result import LikelihoodFit
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.theory.processes.base import Process
 
 
 Fitted: TypeAlias = "Fit | LikelihoodFit"
@@ -92,7 +90,9 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
         elif label == LINES:
             label = f"{len(terms)} lines"
         else:
-            label = _term_entry(label, process, view, wv)
+            # A plot in datasheet units has datasheet values, any other plot has parameters.
+            values = datasheet_label(label, process, wv.unit, wv.rate) if view.of_datasheets else ""
+            label = values or term_label(label, process, view, wv.rate)
             acting = fit.diagnostics.acts_as.get(terms[0])
             label += f" (like {acting})" if acting else ""
         lines.append(Polyline(times, y, stroke=stroke, label=label, layer=ABOVE))
@@ -101,12 +101,6 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
         label = f"{', '.join(zero)}: zero, not supported"
         lines.append(Polyline(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
     return tuple(lines)
-
-
-def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
-    """Return the legend entry of a term, with datasheet values in a plot in datasheet units, otherwise parameters."""
-    label = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
-    return label or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Polyline) -> Vector:

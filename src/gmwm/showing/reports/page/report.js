@@ -15,18 +15,27 @@
   }
 
   const pen = document.createElement("canvas").getContext("2d");
+  const decoded = (text) => new DOMParser().parseFromString(text, "text/html").body.textContent;
+  const widthOf = (name) => Math.max(...name.split("<br>").map((line) => pen.measureText(decoded(line)).width));
+
+  // Return a name in two lines if it is wider than the room.
+  function folded(name, room) {
+    const breaks = widthOf(name) > room ? [...name.matchAll(/ (?=\()|(?<=[,:+]) /g)].map((space) => space.index) : [];
+    const last = breaks.findLast((place) => widthOf(name.slice(0, place)) <= room);
+    return last ? `${name.slice(0, last)}<br>${name.slice(last + 1)}` : name;
+  }
 
   function layoutOf(picture, data, width) {
     const size = printing ? 8 : 11.5;
     pen.font = `${size}px ${font}`;
-    const decoded = (name) => new DOMParser().parseFromString(name, "text/html").body.textContent;
-    const longest = Math.max(0, ...data.filter((t) => t.showlegend).map((t) => pen.measureText(decoded(t.name)).width));
     // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
     const room = width - (printing ? 62 : 78);
-    const entry = Math.min(room, 47 + longest);
+    const entries = data.filter((trace) => trace.showlegend);
+    for (const trace of entries) trace.name = folded(trace.name, room - 47);
+    const entry = Math.min(room, 47 + Math.max(0, ...entries.map((trace) => widthOf(trace.name))));
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
     // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
-    const foot = (printing ? 44 : 50) + 19 * rows;
+    const foot = (printing ? 44 : 50) + 19 * rows + 15 * entries.filter((trace) => trace.name.includes("<br>")).length;
     const layout = structuredClone(picture.layout);
     for (const [name, axis] of Object.entries(layout)) {
       if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 7 };
