@@ -37,6 +37,9 @@ def browser():
 def files(calibration, hostile, tmp_path_factory):
     folder = tmp_path_factory.mktemp("browser")
     found = {"good": calibration.report(folder / "good.html"), "hostile": hostile.report(folder / "hostile.html")}
+    found["wide"] = folder / "wide.html"
+    text = found["good"].read_text(encoding="utf-8").replace('"Model"', '"MWMWMWMWMWMWMW, MWMWMWMWMWMW (recommended)"')
+    found["wide"].write_text(text, encoding="utf-8")
     return {name: path.as_uri() for name, path in found.items()}
 
 
@@ -191,7 +194,8 @@ def test_it_prints_without_buttons_and_with_everything_open(opened, calibration)
 
 
 def test_no_legend_is_cut(opened):
-    page = opened(width=360, opens="#axis1")
+    page = opened("wide", width=360, opens="#axis1")
+    assert "MWM" in page.locator('[data-picture="fit1"] .legend').text_content()
     cut = """[...document.querySelectorAll('.legend')].map(legend => {
         const right = (part) => part.getBoundingClientRect().right;
         return Math.max(...[...legend.querySelectorAll('.legendtext')].map(right)) - right(legend.querySelector('.bg'));
