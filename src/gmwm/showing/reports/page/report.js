@@ -18,11 +18,11 @@
   const decoded = (text) => new DOMParser().parseFromString(text, "text/html").body.textContent;
   const widthOf = (name) => Math.max(...name.split("<br>").map((line) => pen.measureText(decoded(line)).width));
 
-  // Return a name in two lines if it is wider than the room.
+  // Return a name in several lines if it is wider than the room.
   function folded(name, room) {
     const breaks = widthOf(name) > room ? [...name.matchAll(/ (?=\()|(?<=[,:+]) /g)].map((space) => space.index) : [];
     const last = breaks.findLast((place) => widthOf(name.slice(0, place)) <= room);
-    return last ? `${name.slice(0, last)}<br>${name.slice(last + 1)}` : name;
+    return last ? `${name.slice(0, last)}<br>${folded(name.slice(last + 1), room)}` : name;
   }
 
   function layoutOf(picture, data, width) {
@@ -35,7 +35,7 @@
     const entry = Math.min(room, 47 + Math.max(0, ...entries.map((trace) => widthOf(trace.name))));
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
     // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
-    const foot = (printing ? 44 : 50) + 19 * rows + 15 * entries.filter((trace) => trace.name.includes("<br>")).length;
+    const foot = (printing ? 44 : 50) + 19 * rows + 15 * entries.reduce((sum, trace) => sum + trace.name.split("<br>").length - 1, 0);
     const layout = structuredClone(picture.layout);
     for (const [name, axis] of Object.entries(layout)) {
       if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 7 };
