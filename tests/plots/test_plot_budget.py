@@ -43,8 +43,20 @@ def test_an_error_above_a_right_angle_is_not_drawn(found):
     (line,) = [line for line in budget_figure(found).panels[-1].lines if line.label.startswith("north from gyro_y")]
     assert np.all(np.isnan(line.y) | (line.y < 90))
     only = budget({"gyro_x": "WN(sigma2=1.0)"}, 60.0, rate=100.0)
-    (line,) = budget_figure(only).panels[-1].lines
-    assert line.label == "north from gyro_x: above 90°"
+    panel = budget_figure(only).panels[-1]
+    assert not panel.lines  # the legend names no curve that does not exist
+    assert "north from gyro_x: above 90°" in panel.texts[0].text
+
+
+def test_the_oscillations_of_an_axis_are_one_curve():
+    peaks = " + ".join(f"OSC(frequency={f}, quality=20.0, sigma2=1e-3)" for f in (0.3, 0.7))
+    figure = budget_figure(budget({"accel_x": f"WN(sigma2=1e-6) + {peaks}"}, 60.0, rate=100.0))
+    for panel in figure.panels[:-1]:
+        assert panel.labels.count("accel_x oscillations") == 1
+        assert not any("OSC" in label for label in panel.labels)
+        total, both = panel["total"].y, panel["accel_x oscillations"].y
+        assert np.all(both <= 1.0001 * total)
+        assert both[-1] > 0.5 * total[-1]
 
 
 def test_one_axis_has_a_picture_too(tmp_path):

@@ -49,6 +49,23 @@ def test_up_to_two_lines_have_a_curve_each(lines, curves, wv):
     assert len(drawn) == curves
 
 
+def test_oscillations_have_their_frequency_in_a_plot_of_one_axis_and_one_curve_in_a_plot_of_several():
+    peaks = " + ".join(f"OSC(frequency=fixed({f}), quality=fixed(20.0), sigma2=1e-7)" for f in (0.564, 10.2))
+    model = f"WN(sigma2=1e-6) + {peaks} + SIN(frequency=fixed(3.0), power=1e-7)"
+    curve = gmwm.WaveletVariance.from_values(
+        gmwm.Model.parse(model).wavelet_variance(12, 100.0), samples=100_000, rate=100.0, unit="rad/s"
+    )
+    fit = gmwm.fit(model, curve)
+    alone, shared = fit_panel(fit), fit_panel(fit, alone=False, view="wavelet")
+    names = {label.partition(":")[0] for label in alone.labels}
+    assert {"oscillation 0.564 Hz", "oscillation 10.2 Hz", "SIN"} <= names
+    assert set(shared.labels[-3:]) == {"WN", "Oscillations", "Lines"}
+    both = sum(np.asarray(fit.decomposition[f"OSC[{k}]"]) for k in (1, 2))
+    np.testing.assert_allclose(shared["Oscillations"].y, both)
+    dashes = {line.stroke.dash for line in shared.lines if line.label in ("WN", "Oscillations", "Lines")}
+    assert len(dashes) == 3
+
+
 def lot(units, factor=1.05):
     """A fleet of one axis, whose intervals end at this factor above the values."""
     N = 1e-4 * np.exp(0.01 * np.random.default_rng(units).normal(size=units))

@@ -12,7 +12,7 @@ from html import escape
 from string import Formatter
 from typing import Any
 
-from gmwm.base.text import counted, duration_text, length_text, list_text, moment, round_text
+from gmwm.base.text import counted, duration_text, length_text, list_text, moment, round_fixed, round_text
 
 
 class Dialect(Enum):
@@ -126,7 +126,7 @@ def fact_text(fact: Fact, spec: str = "") -> str:
     if isinstance(fact, tuple):
         return join_names([fact_text(item, spec) for item in fact])
     if isinstance(fact, str):
-        return fact
+        return round_fixed(fact)
     if fact is None:
         return "none"
     value, unit = (fact.value, fact.unit) if isinstance(fact, Quantity) else (fact, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
@@ -47,6 +48,15 @@ def round_text(value: float, digits: int = 2) -> str:
     ('740', '-0.012', '2.3e+06', '2')
     """
     return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def round_fixed(model: str) -> str:
+    """Return the text of a model with its fixed values rounded to four digits. Files have all digits.
+
+    >>> round_fixed("DR + MA(1, theta1=fixed(0.16732089037064277))")
+    'DR + MA(1, theta1=fixed(0.1673))'
+    """
+    return re.sub(r"(?<=fixed\()[-+.e\d]+", lambda number: f"{float(number[0]):.4g}", model)
 
 
 _DURATIONS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0),

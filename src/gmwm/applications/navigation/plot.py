@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -10,11 +11,12 @@ import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.applications.navigation.summary_text import RIGHT_ANGLE, largest
+from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
 from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Text
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",
@@ -24,9 +26,9 @@ _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "V
 def budget_figure(budget: Budget) -> Figure:
     """Return the figure of `Budget.plot`."""
     chosen = list(_chosen(budget).values())
-    named = [label for growth in chosen for label in _drawn_terms(growth)]
     # Each term has the same stroke in all panels.
-    strokes = {label: term_stroke(k) for k, label in enumerate(dict.fromkeys(named))}
+    labels = dict.fromkeys(label for growth in chosen for label in _drawn_terms(growth))
+    strokes = {label: term_stroke(k) for k, label in enumerate(labels)}
     panels: list[Panel] = [_growth(growth, strokes, budget) for growth in chosen]
     if budget.alignment:
         panels.append(_alignment(budget))
@@ -49,16 +51,21 @@ def _chosen(budget: Budget) -> dict[str, Growth]:
     return chosen
 
 
-def _drawn_terms(growth: Growth) -> list[str]:
+def _drawn_terms(growth: Growth) -> dict[str, Vector]:
+    """Return the terms to draw. The oscillations of an axis are one curve, the root of their sum of squares."""
+    terms: dict[str, Vector] = {}
+    for term, values in growth.terms.items():
+        label = re.sub(r" OSC(\[\d+\])?$", " oscillations", term)
+        terms[label] = np.hypot(terms.get(label, 0.0), values)
     with np.errstate(divide="ignore", invalid="ignore"):
         # Terms of at least 3 % of the total error are drawn (tests/plots/test_plot_budget.py).
-        return [label for label, values in growth.terms.items() if np.nanmax(values / growth.error) > 0.03]
+        return {label: values for label, values in terms.items() if np.nanmax(values / growth.error) > 0.03}
 
 
 def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:
     parts = [
-        Polyline(growth.times, growth.terms[label], stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
-        for label in _drawn_terms(growth)
+        Polyline(growth.times, values, stroke=replace(strokes[label], width=1.2), label=label, layer=ABOVE)
+        for label, values in _drawn_terms(growth).items()
     ]
     marks: list[Mark] = [Polyline(growth.times, growth.error, stroke=Stroke(BLACK, 2.0), label="total", layer=MIDDLE)]
     kind = growth.name.partition("_")[0]
@@ -79,15 +86,18 @@ def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Pa
 def _alignment(budget: Budget) -> Panel:
     curves = list(budget.alignment.values())
     shown = [np.where(growth.error < RIGHT_ANGLE, growth.error, np.nan) for growth in curves]
-    lines = []
-    for k, (growth, y) in enumerate(zip(curves, shown, strict=True)):
-        label = f"{growth.title}: above {RIGHT_ANGLE:g}°" if np.all(np.isnan(y)) else growth.title
-        lines.append(Polyline(growth.times, y, replace(curve_stroke(k), symbol=None), label=label, layer=MIDDLE))
+    lines = [
+        Polyline(growth.times, y, replace(curve_stroke(k), symbol=None), label=growth.title, layer=MIDDLE)
+        for k, (growth, y) in enumerate(zip(curves, shown, strict=True)) if not np.all(np.isnan(y))
+    ]  # fmt: skip
+    notes = [f"{c.title}: above {RIGHT_ANGLE:g}°" for c, y in zip(curves, shown, strict=True) if np.all(np.isnan(y))]
+    texts = (Text("\n".join(notes), 0.5, 0.95 - 0.035 * len(notes)),) if notes else ()
     x = time_axis(budget.times, "Averaging time (s)")
     limits = limits_near(np.concatenate(shown), [], reach=1.0)
     ticks = tuple(tick.value for tick in x.ticks)
     title = f"Static alignment, at {budget.latitude:g}° latitude"
-    return Panel(replace(x, grid=ticks), value_axis(limits, "Error of the mean (deg)"), tuple(lines), title=title)
+    y_axis = value_axis(limits, "Error of the mean (deg)")
+    return Panel(replace(x, grid=ticks), y_axis, tuple(lines), title=title, texts=texts)
 
 
 @drawing

@@ -17,7 +17,7 @@ from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import Summarised, align, counted, p_text
+from gmwm.base.text import Summarised, align, counted, p_text, round_fixed
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion
@@ -241,7 +241,7 @@ class Ranking(Plotted, Tabular):
             ends = (
                 ", ".join(c.boundary).replace(" as ", " like ") if len(c.boundary) < 2 else f"{len(c.boundary)} terms"
             )
-            rows.append([mark, self.label(c).replace(" ", ""), *numbers, p, ends])
+            rows.append([mark, round_fixed(self.label(c)).replace(" ", ""), *numbers, p, ends])
         return head, rows
 
     @property

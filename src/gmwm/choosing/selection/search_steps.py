@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from textwrap import wrap
 from typing import Literal
 
 from gmwm.base.documents import Documented
-from gmwm.base.text import p_relation
+from gmwm.base.text import p_relation, round_fixed
 
 Entry = Literal[
     "within",
@@ -96,8 +95,7 @@ class SearchStep(Documented):
         reason = EXIT_TEXTS[self.left].format(
             model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=REJECTED
         )
-        reason = re.sub(r"\d+\.\d{5,}", lambda digits: f"{float(digits[0]):.4g}", reason)
-        return f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}"
+        return round_fixed(f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}")
 
 
 def _in_brackets(pvalue: float | None) -> str:

@@ -14,8 +14,8 @@ from gmwm.base.arrays import Vector
 from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke, Text, drawable, single_panel
-from gmwm.showing.plots.labels import axis_title, datasheet_label, model_text, term_label
-from gmwm.showing.plots.style import GREY, IMPLIED, term_strokes
+from gmwm.showing.plots.labels import LINES, axis_title, datasheet_label, model_text, shared_name, term_label
+from gmwm.showing.plots.style import GREY, IMPLIED, OSCILLATING, term_strokes
 from gmwm.showing.plots.view import UnitSystem, View, ViewName
 from gmwm.theory.processes.ordered import Ordered
 
@@ -66,45 +66,41 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline, ...]:
     """Return the curve of each term as a thin line, in front of the model and behind the data. If `alone`, the legend
-    gives its key parameters. Terms that are zero have no curve and share one entry of the legend."""
-    times = view.time(fit.wavelet_variance.tau)
+    gives its key parameters. Otherwise all lines of the axis are one curve, and so are all oscillations. Terms that are
+    zero have no curve and share one entry of the legend."""
+    wv = fit.wavelet_variance
+    times = view.time(wv.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
-    lines, zero = [], []
-    curves, sinusoids = _curves_by_term(fit)
-    for term, variance in curves.items():
-        y = drawable(view.height(np.asarray(variance)))
-        if not np.any(np.isfinite(y)):
-            zero.append(term)
-            continue
-        label = "Sensor filter" if isinstance(processes[term], Ordered) else term
-        if term in sinusoids:
-            label = f"{len(sinusoids)} lines" if alone else "Lines"
-        elif not alone and processes[term].line(fit.wavelet_variance.rate) is not None:
-            label = "Lines"
-        elif alone:
-            label = _term_entry(term, processes[term], view, fit.wavelet_variance)
-            acting = fit.diagnostics.acts_as.get(term)
+    curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
+    zero = [term for term, curve in curves.items() if not np.any(curve > 0)]
+    names = {term: shared_name(processes[term], wv.rate) for term in curves if term not in zero}
+    many = list(names.values()).count(LINES) > MOST_SINUSOIDS
+    members: dict[str, list[str]] = {}
+    for term, name in names.items():
+        shared = name if not alone or (many and name == LINES) else ""
+        members.setdefault(shared or term, []).append(term)
+    lines = []
+    for label, terms in members.items():
+        process = processes[terms[0]]
+        y = drawable(view.height(np.sum([curves[term] for term in terms], axis=0)))
+        stroke = strokes[terms[0]]
+        if not alone:
+            # The sum has the same stroke on all axes, whatever else their models contain.
+            stroke = OSCILLATING if label not in (LINES, terms[0]) else stroke
+            label = "Sensor filter" if isinstance(process, Ordered) else label
+        elif label == LINES:
+            label = f"{len(terms)} lines"
+        else:
+            label = _term_entry(label, process, view, wv)
+            acting = fit.diagnostics.acts_as.get(terms[0])
             label += f" (like {acting})" if acting else ""
-        lines.append(Polyline(times, y, stroke=strokes[term], label=label, layer=ABOVE))
+        lines.append(Polyline(times, y, stroke=stroke, label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
         label = f"{', '.join(zero)}: zero, not supported"
         lines.append(Polyline(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
     return tuple(lines)
-
-
-def _curves_by_term(fit: Fitted) -> tuple[dict[str, Vector], Sequence[str]]:
-    """Return the curve of each term, and the sinusoids if they are more than `MOST_SINUSOIDS`: the first has their
-    sum."""
-    curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
-    rate = fit.wavelet_variance.rate
-    processes = zip(fit.model.terms, fit.model.processes, strict=True)
-    lines = [term for term, process in processes if process.line(rate) is not None and np.any(curves[term] > 0)]
-    if len(lines) <= MOST_SINUSOIDS:
-        return curves, ()
-    total = np.sum([curves[term] for term in lines], axis=0)
-    return {term: curve for term, curve in curves.items() if term not in lines} | {lines[0]: total}, lines
 
 
 def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:

@@ -22,6 +22,8 @@ _DURATIONS = (
     ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0), ("min", 60.0, 120.0), ("s", 1.0, 0.1), ("ms", 1e-3, 1e-4),
 )  # fmt: skip
 
+LINES, OSCILLATIONS = "Lines", "Oscillations"
+"""Names of the sums of all sinusoids and of all oscillations of an axis."""
 DIGITS = 2
 """Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
 
@@ -55,6 +57,25 @@ def axis_title(axis: str) -> str:
     return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
 
 
+def term_name(term: str, process: Process, rate: float) -> str:
+    """Return the name of a term for readers. An oscillation is named by its frequency, not by its number in the model.
+
+    >>> from gmwm.processes import OSC, WN
+    >>> term_name("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0), 100.0), term_name("WN", WN(), 100.0)
+    ('oscillation 0.564 Hz', 'WN')
+    """
+    if shared_name(process, rate) != OSCILLATIONS:
+        return term
+    return f"oscillation {_three_digits(process.oscillation() or 0.0)} Hz"
+
+
+def shared_name(process: Process, rate: float) -> str:
+    """Return the name of the sum to which a term belongs in a plot of several axes; "" if it has a curve of its own."""
+    if process.line(rate) is not None:
+        return LINES
+    return OSCILLATIONS if process.is_complete and process.oscillation() is not None else ""
+
+
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
     """Return a term with its key parameters, as readable text.
 
@@ -68,12 +89,13 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     >>> term_label("SIN", SIN(frequency=0.7, power=2e-8), view, rate=100.0)
     'SIN: 0.700 Hz, A = 2×10⁻⁴ rad/s'
     """
+    name = term_name(term, process, rate)
     texts = [
         _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
-        for p in process.parameters[:2]
+        for p in process.parameters[name != term : 2]
     ]
     more = ", …" if len(process.parameters) > 2 else ""
-    return f"{term}: {', '.join(texts)}{more}"
+    return f"{name}: {', '.join(texts)}{more}"
 
 
 def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
@@ -89,10 +111,11 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     >>> datasheet_label("AR(2)", AR(phi=[0.59, -0.9], sigma2=1e-7), "rad/s", rate=100.0)
     'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
     """
-    numbers = process.physical(rate)
+    name = term_name(term, process, rate)
+    numbers = process.physical(rate)[name != term :]
     # The frequency of a sinusoid needs no symbol, but the bandwidth of a noise process does.
     named = any(number.signal_power and number.time_power for number in numbers)
-    return f"{term}: {', '.join(_physical_text(number, unit, named) for number in numbers)}" if numbers else ""
+    return f"{name}: {', '.join(_physical_text(number, unit, named) for number in numbers)}" if numbers else ""
 
 
 def _physical_text(number: Physical, unit: str, named: bool) -> str:

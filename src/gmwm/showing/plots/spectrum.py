@@ -18,8 +18,8 @@ from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
 from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title, model_text
-from gmwm.showing.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
+from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name, term_name
+from gmwm.showing.plots.style import BLUE, IMPLIED, OSCILLATING, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
 from gmwm.theory.processes.ordered import Ordered
 
@@ -94,7 +94,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
-    total, terms = np.zeros(f.size), []
+    total, terms, oscillations = np.zeros(f.size), [], np.zeros(f.size)
     lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
     many = len(lines) > MOST_SINUSOIDS
     for term, process in zip(model.terms, model.processes, strict=True):
@@ -110,10 +110,16 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
         elif process.has("psd"):
             density = 2 * process.psd(f, rate)
             total += density
-            if np.any(density > 0):
+            if not alone and shared_name(process, rate):
+                oscillations += density
+            elif np.any(density > 0):
                 y = drawable(factor * np.sqrt(density))
-                label = "Sensor filter" if isinstance(process, Ordered) and not alone else term
+                name = term_name(term, process, rate)
+                label = "Sensor filter" if isinstance(process, Ordered) and not alone else name
                 terms.append(Polyline(f, y, stroke=strokes[term], label=label, layer=ABOVE))
+    if np.any(oscillations > 0):
+        y = drawable(factor * np.sqrt(oscillations))
+        terms.append(Polyline(f, y, stroke=OSCILLATING, label=OSCILLATIONS, layer=ABOVE))
     name = f"Model: {model_text(model.terms)}" if alone else "Model"
     return [Polyline(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
 

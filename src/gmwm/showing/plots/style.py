@@ -50,6 +50,8 @@ ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")
 """Stroke of a robust estimate from the data."""
 IMPLIED = Stroke(ORANGE, 2.6, SOLID)
 """Stroke of the curve of a fitted model."""
+OSCILLATING = Stroke(OLIVE, 1.0, (8.0, 1.6, 2.5, 1.6, 2.5, 1.6))
+"""Stroke of the sum of the oscillations of an axis, whose dash no single term has."""
 
 # Terms have twelve colours and nine dashes. A colour repeats after twelve terms, a dash (which is all that remains in
 # greyscale) after nine, and a pair of both after 108. `_FURTHER` uses the last three colours first.

@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import version
+from gmwm.base.text import round_fixed, version
 from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.summary_text import model_words, rows_of
@@ -232,14 +232,15 @@ def _settings(calibration: Calibration) -> Facts:
     options = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[options.robust]
     return [
-        ("Largest model", "searched for" if options.searched else str(options.within)),
-        *([("Given models", "; ".join(f"{a}: {m}" for a, m in options.models.items()))] if options.models else []),
+        ("Largest model", "searched for" if options.searched else round_fixed(str(options.within))),
+        *([("Given models", round_fixed("; ".join(f"{a}: {m}" for a, m in options.models.items())))]
+          if options.models else []),
         ("Weights", options.weighting),
         ("Criterion", options.criterion),
         ("Robust wavelet variance", f"{robust}, efficiency {options.efficiency:g}"),
         ("Confidence", f"{100 * options.confidence:g} %"),
         ("Seed", str(options.seed)),
-    ]
+    ]  # fmt: skip
 
 
 # --- one axis ---------------------------------------------------------------------------------------
@@ -305,7 +306,8 @@ def _ranking_rows(ranking: Ranking) -> list[list[str]]:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
         numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
-        rows.append([ranking.label(candidate), word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
+        texts_of_numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)
+        rows.append([round_fixed(ranking.label(candidate)), word, *texts_of_numbers])
     more = len(ranking.distinct) - len(listed)
     return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, html, no_update
@@ -17,7 +16,7 @@ from gmwm.applications.app.terms import adding, held_at, holding, removing, repl
 from gmwm.applications.app.workspace import Workspace
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError
-from gmwm.base.text import p_text
+from gmwm.base.text import p_text, round_fixed
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
@@ -227,15 +226,6 @@ def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
-def _round(model: str) -> str:
-    """Return the text of a model with its held values rounded to four digits.
-
-    >>> _round("DR + MA(1, theta1=fixed(0.16732089037064277))")
-    'DR + MA(1, theta1=fixed(0.1673))'
-    """
-    return re.sub(r"(?<=fixed\()[^)]+", lambda found: f"{float(found[0]):.4g}", model)
-
-
 def _parameters(fit: Fit, session: Session) -> Any:
     how = IntervalMethod(session.confidence)
     intervals, _ = intervals_if_known(fit, how)
@@ -281,7 +271,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
             use = button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )
-            listed.append([_round(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
+            listed.append([round_fixed(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
         return [table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
 
     return of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")

@@ -14,17 +14,22 @@
     return all[keys.find((key) => key in all)];
   }
 
-  function layoutOf(picture, width) {
-    const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
+  const pen = document.createElement("canvas").getContext("2d");
+
+  function layoutOf(picture, data, width) {
+    const size = printing ? 8 : 11.5;
+    pen.font = `${size}px ${font}`;
+    const decoded = (name) => new DOMParser().parseFromString(name, "text/html").body.textContent;
+    const longest = Math.max(0, ...data.filter((t) => t.showlegend).map((t) => pen.measureText(decoded(t.name)).width));
     // Plotly limits the legend to the width of the panel. Entries that do not fit are in the next row.
     const room = width - (printing ? 62 : 78);
-    const entry = Math.min(room, printing ? 44 + 4.8 * longest : 44 + 5.7 * longest);
+    const entry = Math.min(room, 47 + longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor(room / entry)));
     // A row of the legend has at least 19 pixels. If the margin is too small, Plotly moves the title of the axis up.
     const foot = (printing ? 44 : 50) + 19 * rows;
     const layout = structuredClone(picture.layout);
     for (const [name, axis] of Object.entries(layout)) {
-      if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 8 };
+      if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 7 };
     }
     return {
       ...layout,
@@ -34,7 +39,7 @@
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       hovermode: "closest", dragmode: false, hoverlabel: { align: "left", bgcolor: "#ffffff", font: { size: 13 } },
       legend: { orientation: "h", maxheight: 1000, x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
-                entrywidth: entry - 44, traceorder: "normal", font: { size: printing ? 9 : 11.5 } },
+                entrywidth: entry - 45, traceorder: "normal", font: { size } },
     };
   }
 
@@ -53,10 +58,12 @@
     const data = structuredClone(picture.data);
     for (const trace of data) {
       if (hidden.has(trace.legendrank)) trace.visible = "legendonly";
+      // The table beside a printed figure has the values.
+      if (printing) trace.name = trace.name.replace(/(: (?!zero)|, (any|not) ).*/, "");
     }
     const config = { displaylogo: false, displayModeBar: false, responsive: false };
     place.style.minHeight = "0";
-    return Plotly.react(place, data, layoutOf(picture, printing ? paper(place) : place.clientWidth), config);
+    return Plotly.react(place, data, layoutOf(picture, data, printing ? paper(place) : place.clientWidth), config);
   }
 
   // A figure in a folded part is drawn when the part is opened.
