@@ -38,10 +38,9 @@ class _Floor(TwoNumbers):
 
 def _meaning(step: float, keys: Sequence[str], defaults: str) -> tuple[str, ...]:
     return (
-        "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults, "
-        f"{defaults}, include vibration, timing, misalignment and linearisation: keep them where they are larger. A "
-        "vehicle with the values of the sensor may crash. Never set a parameter below its bound; an upper limit is no "
-        "bound. All lines are comments.",
+        "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. A vehicle with these values may crash. "
+        f"The defaults, {defaults}, also cover vibration, timing and misalignment: keep the larger value. An upper "
+        "limit is no bound. All lines are comments.",
         f"Units: discrete, standard deviations for a filter step of {1000 * step:g} ms: {keys[0]} rad/s, "
         f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
     )
