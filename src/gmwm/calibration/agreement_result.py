@@ -106,7 +106,7 @@ def _legend(found: Agreement) -> str:
     named = key(entry for entry in shown if entry is not None)
     return (
         f"{named}. N, K, Q and B are compared whatever the models are; numbers of a single recording are left out. "
-        f"±: half the width of the confidence interval; ≤: upper limit; {_NONE}: not in the model. "
+        f"±, +a/−b, a … b: confidence interval; ≤: upper limit; {_NONE}: not in the model. "
         f"{_SAME}: no difference found; {_OTHER}: they differ by more than chance. p: adjusted by Holm's method."
     )
 

@@ -376,7 +376,7 @@ def _legend(calibration: Calibration) -> list[str]:
             "equality: p-value of the test that the recordings are equal."
         )
     return wrap_text(
-        f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
+        f"{named}. ±, +a/−b, a … b: {100 * level:g} % interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
         f"recommended. p: p-value of the goodness-of-fit test.{_filter_note(calibration)}{lines}"
     )
