@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from validation import sensors
 from validation.legend import legend
 
@@ -88,7 +89,7 @@ def _told(one: sensors.Recording, found: gmwm.Calibration) -> Outcome:
         }
         for symbol, e in axis.datasheet.items()
     }  # fmt: skip
-    # The truth states the terms of the model; N and K of the datasheet are those of a filter.
+    # Where the datasheet has them, N and K of the white noise and the random walk stand for those of a filter.
     for symbol, process in (("N", "WN"), ("K", "RW")):
         if f"{symbol} of {process}" in numbers:
             numbers[symbol] = numbers.pop(f"{symbol} of {process}")
@@ -174,8 +175,7 @@ def _sources() -> str:
 def summarised(kind: str, rows: Sequence[Outcome]) -> dict[str, Any]:
     """Bias, coverage and shares over the recordings of one kind; a share of nothing is None."""
     density = [r["numbers"]["N"] for r in rows if "N" in r["numbers"] and not r["numbers"]["N"]["limit"]]
-    true = [r["truth"]["N"] for r in rows if "N" in r["numbers"] and not r["numbers"]["N"]["limit"]]
-    ratios = [n["value"] / t for n, t in zip(density, true, strict=True)]
+    ratios = [entry["value"] / true for row in rows for entry, true in _pairs(row, "N")]
     widths = [(n["high"] - n["low"]) / (2 * n["value"]) for n in density if n["low"] and n["high"]]
     models = Counter(r["model"] for r in rows)
     known = [r for r in rows if "structure" in r["truth"]]
@@ -238,13 +238,29 @@ def _pairs(row: Outcome, name: str) -> Iterator[tuple[dict[str, Any], float]]:
         return
     # B is the coefficient of a flicker term, or the lowest point of the curve if it belongs to no term.
     true = truth.get("lowest" if name == "B" and given["term"] is None else name)
-    if true and name == "K" and "walk-or-markov" in row["codes"]:
+    if true and name in ("N", "K") and given["term"] is None:
+        true = _of_filter(json.dumps(truth), row["rate"])[name]
+    elif true and name == "K" and "walk-or-markov" in row["codes"]:
         # The calibration says that K may be that of a slow Gauss-Markov process, which is a walk with K = q_c.
         duration = row["samples"] / row["rate"]
         slow = sum(2 * variance / period for variance, period in truth["gm"] if period >= SLOW * duration)
         true = math.sqrt(true**2 + slow)
     if true:
         yield given, true
+
+
+@cache
+def _of_filter(truth: str, rate: float) -> dict[str, float]:
+    """N and K of the filter that predicts 1 s best, for the true noise as JSON."""
+    told = json.loads(truth)
+    terms: list[gmwm.Process] = [gmwm.WN(sigma2=told["N"] ** 2 * rate)]
+    terms += [gmwm.GM(beta=1 / period, sigma2=variance) for variance, period in told["gm"]]
+    if told.get("K"):
+        terms.append(gmwm.RW(gamma2=told["K"] ** 2 / rate))
+    if told.get("B"):
+        terms.append(gmwm.FN(b2=told["B"] ** 2))
+    numbers = filter_numbers(terms, rate)
+    return {"N": numbers.N, "K": numbers.K}
 
 
 def _of_terms(row: Outcome, name: str) -> list[str]:
@@ -302,7 +318,10 @@ def table(result: dict[str, Any]) -> str:
             {
                 "N / truth": (
                     "median ratio; the true N is the density at low frequencies after the filter and "
-                    "the rounding of the sensor, without outliers"
+                    "the rounding of the sensor, without outliers. If the datasheet has no number of the white noise "
+                    "or the random walk alone, the true N and K are those of a filter that predicts 1 s; they leave out "
+                    "the memory of a filter in the sensor and the shape of a resonance, which change N by some per "
+                    "cent"
                 ),
                 "covered": (
                     "share of 95 % intervals that contain the true value, among intervals that are "
