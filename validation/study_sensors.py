@@ -319,8 +319,8 @@ def table(result: dict[str, Any]) -> str:
                 "N / truth": (
                     "median ratio; the true N is the density at low frequencies after the filter and "
                     "the rounding of the sensor, without outliers. If the datasheet has no number of the white noise "
-                    "or the random walk alone, the true N and K are those of a filter that predicts 1 s; they leave out "
-                    "the memory of a filter in the sensor and the shape of a resonance, which change N by some per "
+                    "or the random walk alone, the true N and K are those of a filter that predicts 1 s; they leave "
+                    "out the memory of a filter in the sensor and the shape of a resonance, which change N by some per "
                     "cent"
                 ),
                 "covered": (
