@@ -69,11 +69,7 @@ def record(path: Path) -> None:
     been imported."""
     import importlib.util
 
-    package = importlib.util.find_spec("gmwm")
-    assert package is not None
-    assert package.origin is not None
-    file = next((Path(package.origin).parent / "base").glob("_core*.so"))
-    spec = importlib.util.spec_from_file_location("gmwm.base._core", file)
+    spec = importlib.util.find_spec("gmwm.base._core")
     assert spec is not None
     assert spec.loader is not None
     core = importlib.util.module_from_spec(spec)
