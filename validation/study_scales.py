@@ -65,7 +65,7 @@ def table(result: dict[str, Any]) -> str:
         f"one; with the weights for {rows[0]['horizon']} alone it is {rows[0]['goal'] / last['best']:.2f}, and for "
         f"{rows[1]['horizon']} alone {rows[1]['goal'] / last['best']:.2f} times.",
         "",
-        f"![Deviation over that of the average against the scale]({NAME}.svg)",
+        f"![Deviation of the virtual sensor, divided by the deviation of the average, at each scale]({NAME}.svg)",
         "",
         "| weights for | recordings | achieved / predicted variance | mean of 1/gain², 2 to 4096 s | over the best |",
         "|---|---|---|---|---|",

@@ -353,19 +353,19 @@ def oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
     if not oscillating:
         return
     try:
-        whole = filter_numbers(processes, rate).N
+        density = filter_numbers(processes, rate).N
     except MissingTheoryError:  # a process from another package without a spectral density
         return
     strong = [
         process for process in oscillating
-        if whole > RAISED_N * filter_numbers([other for other in processes if other is not process], rate).N
+        if density > RAISED_N * filter_numbers([other for other in processes if other is not process], rate).N
     ]  # fmt: skip
     if strong:
         alone = filter_numbers([process for process in processes if process not in strong], rate).N
         frequencies = sorted(process.oscillation() or 0.0 for process in strong)
         yield Remark.of(
             "lines", axis, case="inside", frequencies=tuple(Quantity(frequency, "Hz") for frequency in frequencies),
-            factor=whole / alone if alone > 0 else math.inf,
+            factor=density / alone if alone > 0 else math.inf,
         )  # fmt: skip
 
 

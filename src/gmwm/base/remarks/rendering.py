@@ -145,8 +145,8 @@ def cases(message: Message) -> list[Remark]:
 
 def severities(message: Message) -> str:
     """Return the severities that a message can have, the highest first: "biased or info"."""
-    found = sorted({remark.severity for remark in cases(message)})
-    return " or ".join(severity.label for severity in found)
+    levels = sorted({remark.severity for remark in cases(message)})
+    return " or ".join(severity.label for severity in levels)
 
 
 def sentence_and_advice(remark: Remark, dialect: Dialect) -> tuple[str, str]:

@@ -70,8 +70,8 @@ class FitCurve:
 
     def without_lines(self) -> FitCurve:
         """Return the parameters and covariance without those of oscillations."""
-        kept = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
-        return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
+        noises = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
+        return replace(self, moving=tuple(self.moving[k] for k in noises), scatter=self.scatter[np.ix_(noises, noises)])
 
     def slopes(self, n: int) -> Vector:
         """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""

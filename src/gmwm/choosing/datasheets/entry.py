@@ -137,10 +137,10 @@ class Entry:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Entry:
         """Restore an entry from `values`, the result of `to_dict`."""
-        given = dict(values)
-        if given["low"] is not None and given["high"] is None:
-            given["high"] = math.inf
-        return cls(**given)
+        fields = dict(values)
+        if fields["low"] is not None and fields["high"] is None:
+            fields["high"] = math.inf
+        return cls(**fields)
 
     def __str__(self) -> str:
         return f"{self.symbol} = {self.text()}".replace("= ≤", "≤")
@@ -300,12 +300,12 @@ class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
         """Restore a datasheet from `values`, the result of `to_dict`."""
-        given = dict(values)
-        given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
-        given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
+        fields = dict(values)
+        fields["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
+        fields["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
         for name in ("averaging_time", "allan_deviation"):
-            given[name] = np.array(values[name], dtype=np.float64)
-        return cls(**given)
+            fields[name] = np.array(values[name], dtype=np.float64)
+        return cls(**fields)
 
     def __repr__(self) -> str:
         return f"Datasheet({self.axis or 'unnamed'}: {'; '.join(str(entry) for entry in self.entries)})"

@@ -93,10 +93,10 @@ class FilterPrediction:
         g, keep = gain.g, gain.keep
         fixed = _fixed(self.theta.tobytes(), self.samples)
         inverse = 1 / (g + keep * fixed.difference)
-        rest = fixed.mean + keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
+        remainder = fixed.mean + keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
         slope = fixed.difference * inverse**2
-        square = np.abs(rest) ** 2 + 2 * np.real(fixed.left_out * np.conj(fixed.start + g * inverse))
-        change = 2 * np.real((fixed.left_out - rest) * np.conj(slope))
+        square = np.abs(remainder) ** 2 + 2 * np.real(fixed.left_out * np.conj(fixed.start + g * inverse))
+        change = 2 * np.real((fixed.left_out - remainder) * np.conj(slope))
         lag = (self.samples + 1) / 2 + keep / g
         error = float(square @ self.mass) + self.ramp * lag**2
         return error, (float(change @ self.mass) - 2 * self.ramp * lag / g**2) * gain.slope

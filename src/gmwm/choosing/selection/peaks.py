@@ -69,9 +69,9 @@ def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bum
     columns = np.zeros((len(wv), 0))
     for peak in peaks:
         together = absent + root @ peak.share
-        left = together - columns @ _coefficients(columns, together)
+        residual = together - columns @ _coefficients(columns, together)
         # 5 % of the wavelet variance is 2.5 % of a density such as N.
-        if np.linalg.norm(left) <= UNSEEN_DISTANCE and peak.share.max() < 0.05:
+        if np.linalg.norm(residual) <= UNSEEN_DISTANCE and peak.share.max() < 0.05:
             absent = together
         else:
             terms.append(peak)

@@ -138,7 +138,7 @@ def _flat(table: pl.DataFrame, elements: int) -> pl.DataFrame:
         fractions = [f"{stamp[1]}.{word}" for word in _FRACTIONS] if stamp else []
         fraction = next((column for column in fractions if column in flat.columns), "")
         if stamp and fraction:
-            whole = stamp[1] if stamp[1].endswith("header.stamp") else f"{stamp[1]}_ns"
+            stamp_name = stamp[1] if stamp[1].endswith("header.stamp") else f"{stamp[1]}_ns"
             time = pl.col(name).cast(pl.Int64) * 10**9 + pl.col(fraction).cast(pl.Int64)
-            flat = flat.select(time.alias(whole), pl.exclude(name, fraction))
+            flat = flat.select(time.alias(stamp_name), pl.exclude(name, fraction))
     return flat

@@ -174,13 +174,13 @@ def _arguments(words: list[tuple[str, int]], at: int, where: str) -> tuple[list[
 
 def _named(arguments: list[list[tuple[str, int]]], call: str) -> Iterator[KeyLine]:
     """Yield the names and values of arguments: 'Name', value or Name=value."""
-    rest = iter(arguments)
-    for first in rest:
+    values = iter(arguments)
+    for first in values:
         (name, line), *value = first
         if value[:1] == [("=", line)]:
             value = value[1:]
         elif name[0] in "'\"" and not value:
-            value = next(rest, [])
+            value = next(values, [])
         else:
             value = []
         cells = [word.strip("'\"") for word, _ in value]

@@ -198,8 +198,10 @@ class Stack:
             return result
         above = self.whole.levels > len(self.curves[0])
         joint = np.array([_mean_covariance(models, self.whole) for models in parts])
-        beside = np.concatenate(joint[:, ~above][:, :, above])
-        return np.block([[result, beside], [beside.T, np.tensordot(self.shares, joint[:, above][:, :, above], 1)]])
+        covariance = np.concatenate(joint[:, ~above][:, :, above])
+        return np.block(
+            [[result, covariance], [covariance.T, np.tensordot(self.shares, joint[:, above][:, :, above], 1)]]
+        )
 
     def weights(self, weighting: str, models: tuple[Model, ...]) -> Matrix:
         """Return the weighting matrix Ω of all curves that the models of the conditions imply."""

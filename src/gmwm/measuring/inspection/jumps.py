@@ -118,11 +118,11 @@ def _one_by_one(
     means: Vector, places: Sequence[float] = (), gain_of_each: float = 0.0, limits: _JumpLimits = _CLEAR
 ) -> list[_Jump]:
     """Return the jumps at these places, and at further ones, each of which is clear by itself."""
-    whole, y, sizes = Likelihood(means), means, np.empty(0)
+    base_likelihood, y, sizes = Likelihood(means), means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
         courses = _courses(places, means.size)
-        sizes = _sizes(whole, courses, np.sqrt(whole.grid.weights[0]))
+        sizes = _sizes(base_likelihood, courses, np.sqrt(base_likelihood.grid.weights[0]))
         y = np.asarray(means - sizes @ courses)
     while len(places) < MOST:
         likelihood = Likelihood(y)
@@ -139,7 +139,7 @@ def _one_by_one(
         places.append(place)
         gains.append(gain)
         courses = _courses(places, means.size)
-        sizes = _sizes(whole, courses, root)
+        sizes = _sizes(base_likelihood, courses, root)
         y = np.asarray(means - sizes @ courses)
     if not places or _raising(means, _courses(places, means.size)) <= limits.matters:
         return []
@@ -150,8 +150,8 @@ def _one_by_one(
 def _together(means: Vector) -> tuple[list[float], float]:
     """Return the places of several jumps that look like a random walk one by one, and the reduction of −2 log L by all
     of them. They are searched as if the noise was white, and compared with all noise models."""
-    whole = Likelihood(means)
-    without, root = float(np.min(whole.without().values)), np.sqrt(whole.grid.weights[0])
+    likelihood = Likelihood(means)
+    without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
     places, best, y = list[float](), (list[float](), 0.0), means
     while len(places) < MOST - 1:
         values = Likelihood(y).with_steps(np.array([0]), slice(_FIRST - 1, means.size - _FIRST))[0]
@@ -160,11 +160,11 @@ def _together(means: Vector) -> tuple[list[float], float]:
             break
         places.append(place)
         courses = _courses(places, means.size)
-        gain = without - whole.with_all(whole.transform(courses))
+        gain = without - likelihood.with_all(likelihood.transform(courses))
         excess = gain - _CLEAR.gain - _MORE * (len(places) - 1)
         if excess > best[1]:
             best = (list(places), excess)
-        y = np.asarray(means - _sizes(whole, courses, root) @ courses)
+        y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
     return best
 
 

@@ -26,7 +26,7 @@ _MATTERS = 1.1
 DAY_S = 86400.0
 """Period (s) of the change from day to night."""
 _DAYS, _HARMONICS = 3.0, 3
-"""Smallest number of days in which a day is told from a random walk, and number of its harmonics that are tried."""
+"""Smallest number of days in which a daily cycle differs from a random walk, and number of harmonics to try."""
 
 
 @dataclass(frozen=True, kw_only=True)

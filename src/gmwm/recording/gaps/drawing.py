@@ -93,12 +93,12 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
     x = np.zeros(values.size)
     for (first, last), level in zip(ranges, middle, strict=True):
         np.subtract(values[first:last], level, out=x[first:last], where=present[first:last])
-    known = _Known.of(x, present)
-    prediction = _Prediction.of(known, ranges, rng)
+    neighbours = _Known.of(x, present)
+    prediction = _Prediction.of(neighbours, ranges, rng)
     for (first, last), level in zip(ranges, middle, strict=True):
         span = slice(first, last)
         if not np.all(present[span]):
-            part = known if len(ranges) == 1 else _Known.of(x[span], present[span])
+            part = neighbours if len(ranges) == 1 else _Known.of(x[span], present[span])
             x[span] = _draw(part, prediction, rng) + level
     x[present] = values[present]
     return x
