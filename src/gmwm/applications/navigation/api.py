@@ -27,9 +27,7 @@ GRAVITY = STANDARD_GRAVITY
 LATITUDE = 45.0
 """Default latitude (deg)."""
 REST_S = 60.0
-"""Default time at rest before navigation (s). With it, every term is an error since a known bias, so that the budget
-does not depend on whether slow noise is called flicker noise, a random walk or a Gauss-Markov process
-(docs/howto/budget.md)."""
+"""Default time at rest before navigation (s), after which most filters know the biases (docs/howto/budget.md)."""
 _DEGREE = math.pi / 180
 
 _ERRORS = {
@@ -50,11 +48,12 @@ def budget(
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
     The vehicle is level and at rest, with x north, y east and z down. One rule holds for all terms: the biases at the
-    start are those that a rest before navigation gives. The mean over the rest is subtracted from the gyroscopes and
-    from the vertical accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an
-    error. With `rest` = 0, nothing is known about the biases: stationary noise starts in its stationary distribution,
-    and random walks and flicker noise start at zero. Constant biases and scale factors are not part of a noise model,
-    so the budget does not include them.
+    start are those that a filter with N and K of the axis knows after a rest. It is the mean over the rest, or over the
+    last N/K seconds of a longer one, with exponential weights. The filter subtracts the bias from the gyroscopes and
+    from the vertical accelerometer, and levels the vehicle with the horizontal accelerometers. The biases of the
+    horizontal accelerometers when the rest begins are constant biases, which are not part of a noise model, so that the
+    budget does not include their tilt. With `rest` = 0, all biases are known exactly at the start. Slow noise of the
+    same curve has the same budget, whether it is a random walk, flicker noise or a Gauss-Markov process.
 
     The error equations are linear. They include the effect of gravity on a tilted vehicle, the Schuler oscillation and
     the rotation of the Earth, but no accelerations of the vehicle. Strapdown integrations of simulated sensors agree
@@ -70,7 +69,8 @@ def budget(
     rate : float, optional
         Sampling rate (Hz), which is needed if `noise` has models.
     rest : float or str
-        Time at rest before navigation starts (s), or text such as "60s", which gives the biases and the level.
+        Time at rest before navigation starts (s), or text such as "60s", from which the filter knows the biases and the
+        level.
     latitude : float
         Latitude (deg).
     gravity : float
