@@ -10,7 +10,7 @@ from typing import Any
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import Summarised, align, duration_text
-from gmwm.showing.exporters.quality import TRUE
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 
 WIDEST_INTERVAL = 2.0
 """Largest ratio of the limits of an interval that decides. A filter that claims half of its error is then detected.
@@ -59,7 +59,7 @@ class PredictionError:
     @property
     def verdict(self) -> str:
         """ "consistent", "overconfident" (claims less than its error), "cautious" (claims more) or "undecided"."""
-        least, most = TRUE
+        least, most = TRUE_CLAIM
         if self.ratio < least and self.high < 1:
             return "overconfident"
         if self.ratio > most and self.low > 1:

@@ -12,7 +12,7 @@ from gmwm.applications.monitor import Event, Trace
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
-from gmwm.showing.exporters.quality import TRUE
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import limits_of, quiet, time_axis, value_axis
 from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text
@@ -104,7 +104,7 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
     ).T
     claimed, real = view.factor * claimed, view.factor * real
-    least, most = TRUE
+    least, most = TRUE_CLAIM
     marks: list[Mark] = [
         Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
         Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),
