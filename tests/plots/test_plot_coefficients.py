@@ -7,7 +7,7 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.measuring.variance import dwt, modwt
 from gmwm.showing.plots import plot_autocorrelation, plot_coefficients
-from gmwm.showing.plots.residuals import signal_autocorrelation_panel
+from gmwm.showing.plots.likelihood import signal_autocorrelation_panel
 from gmwm.showing.plots.series import coefficients_figure
 from tests.helpers import raises
 

@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm.showing.plots import imu
-from gmwm.showing.plots.overlay import automatic_labels
+from gmwm.showing.plots.curves import automatic_labels
 from tests.helpers import raises
 
 SIGNALS = {

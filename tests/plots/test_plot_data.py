@@ -7,10 +7,9 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.curves import ABOVE, wavelet_variance_panel
+from gmwm.showing.plots.curves import ABOVE, overlay_panel, wavelet_variance_panel
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.imu import imu_figure
-from gmwm.showing.plots.overlay import overlay_panel
 from gmwm.showing.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
 from gmwm.theory.processes import registry
 from tests.helpers import raises

@@ -13,10 +13,10 @@ from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.allan import _axis_with, allan_panel, avlr_panel
 from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.likelihood import tracks_figure
 from gmwm.showing.plots.plan import plan_panel
 from gmwm.showing.plots.series import recording_figure, signal_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
-from gmwm.showing.plots.tracks import tracks_figure
 
 NOISE = np.random.default_rng(4).normal(size=4000)
 

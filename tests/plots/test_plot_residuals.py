@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.showing.plots.residuals import (
+from gmwm.showing.plots.likelihood import (
     LIMIT_LEVEL,
     correlation_panel,
     order_limits,

@@ -13,8 +13,8 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots import plot_components, plot_recording, plot_signal
+from gmwm.showing.plots.axes import even_axis, even_ticks, power_of, time_unit
 from gmwm.showing.plots.figure import PAGE
-from gmwm.showing.plots.linear import even_axis, even_ticks, power_of, time_unit
 from gmwm.showing.plots.series import DOTS_OF_MM, components_figure, recording_figure, signal_panel
 from gmwm.showing.plots.style import term_strokes
 from gmwm.showing.plots.trace import extremes, trace

@@ -15,19 +15,16 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu
-from gmwm.showing.plots.axes import value_axis
-from gmwm.showing.plots.curves import view_for
+from gmwm.showing.plots.axes import time_unit, value_axis
+from gmwm.showing.plots.curves import overlay_panel, view_for
 from gmwm.showing.plots.figure import Mark, Panel, Stroke
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.labels import sensor_and_letter
-from gmwm.showing.plots.linear import time_unit
-from gmwm.showing.plots.overlay import overlay_panel
+from gmwm.showing.plots.labels import UnitSystem, View, ViewName, sensor_and_letter
 from gmwm.showing.plots.ranking import FIRST, distance_panel
 from gmwm.showing.plots.series import recording_figure
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import curve_stroke, letter_stroke, term_strokes
-from gmwm.showing.plots.view import UnitSystem, View, ViewName
-from gmwm.showing.reports.plotly import plotly_panel
+from gmwm.showing.reports.figures import plotly_panel
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Fixed
 

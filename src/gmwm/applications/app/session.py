@@ -15,7 +15,7 @@ from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.recording.options import ReadOptions, one_of
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.reduction import Rule
-from gmwm.showing.plots.view import UnitSystem, ViewName
+from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -17,12 +17,23 @@ from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
-from gmwm.showing.plots.axes import limits_of, value_axis
+from gmwm.showing.plots.axes import even_axis, limits_of, power_of, scaled_unit, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, Text, Tick
+from gmwm.showing.plots.figure import (
+    PAGE,
+    Axis,
+    Band,
+    Figure,
+    Mark,
+    Panel,
+    Polyline,
+    Stroke,
+    Symbol,
+    Text,
+    Tick,
+    drawing,
+)
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
 
 if TYPE_CHECKING:

@@ -13,14 +13,11 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.units import SI_UNIT
 from gmwm.showing.exporters.quality import TRUE
-from gmwm.showing.plots.axes import limits_of, quiet, time_axis, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.linear import even_axis, time_unit
+from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
-from gmwm.showing.plots.view import UnitSystem, view_of
 
 if TYPE_CHECKING:
     from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency

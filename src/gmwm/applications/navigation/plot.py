@@ -15,8 +15,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",

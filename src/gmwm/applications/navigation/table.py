@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from gmwm.applications.navigation.summary_text import error_text, headline, start, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
-from gmwm.showing.reports.sections import Section
+from gmwm.showing.reports.content import Section
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -11,8 +11,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
 

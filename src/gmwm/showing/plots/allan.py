@@ -16,7 +16,6 @@ from gmwm.measuring.variance.allan_regression import AllanRegression, Term, coef
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import number_text, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
-from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import (
     Axis,
     Band,
@@ -28,12 +27,12 @@ from gmwm.showing.plots.figure import (
     Symbol,
     Text,
     drawable,
+    drawing,
     single_panel,
 )
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
+from gmwm.showing.plots.labels import UnitSystem, View, axis_title, sensor_and_letter, sensor_title, view_of
 from gmwm.showing.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
-from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,8 +11,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.showing.plots.axes import limits_of, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Tick
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Tick, drawing
 from gmwm.showing.plots.style import BLACK, GREY, VERMILLION
 
 _STROKES = {

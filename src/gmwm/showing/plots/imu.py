@@ -11,14 +11,11 @@ from gmwm.base.errors import OptionError
 from gmwm.measuring.axis_results import ResultsByAxis
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
-from gmwm.showing.plots.curves import wavelet_variance_panel
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.curves import Item, checked_items, overlay_panel, wavelet_variance_of, wavelet_variance_panel
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
-from gmwm.showing.plots.overlay import Item, checked_items, overlay_panel, wavelet_variance_of
+from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.style import curve_stroke, letter_stroke
-from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit

@@ -24,12 +24,10 @@ from gmwm.showing.plots.curves import (
     observed_marks,
     view_for,
 )
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable, drawing
 from gmwm.showing.plots.imu import SINGLE_WIDTH_MM
-from gmwm.showing.plots.labels import axis_title, model_text
+from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
-from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking

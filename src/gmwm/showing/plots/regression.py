@@ -10,12 +10,10 @@ import numpy as np
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
 from gmwm.measuring.regression.against import TIME, WARM_UP
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Panel, Polyline, Stroke, single_panel
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
+from gmwm.showing.plots.axes import even_axis, power_of, scaled_unit
+from gmwm.showing.plots.figure import Band, Figure, Panel, Polyline, Stroke, drawing, single_panel
+from gmwm.showing.plots.labels import UnitSystem, axis_title
 from gmwm.showing.plots.style import BLUE, GREY, ORANGE
-from gmwm.showing.plots.view import UnitSystem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,15 +20,12 @@ from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.recording.batches import batches
 from gmwm.recording.repairs.plan import plans_of
 from gmwm.recording.signals import Imu, Signal
-from gmwm.showing.plots.axes import number_text, quiet
+from gmwm.showing.plots.axes import elapsed_axis, number_text, quiet, scaled_axis
 from gmwm.showing.plots.curves import FRONT
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol
-from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
-from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
+from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol, drawing
+from gmwm.showing.plots.labels import UnitSystem, View, axis_title, model_text, sensor_and_letter, term_label, view_of
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
 from gmwm.showing.plots.trace import Outline, even_trace, lone_dots, offset_of, trace
-from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,8 +14,7 @@ from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
 from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, drawing, single_panel
 from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name, term_name
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.measuring.spectrum import PowerSpectrum
-    from gmwm.showing.plots.view import UnitSystem
+    from gmwm.showing.plots.labels import UnitSystem
 
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Stroke of the symbol that marks a line in the spectrum."""

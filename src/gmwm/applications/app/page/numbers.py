@@ -36,8 +36,7 @@ from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
 from gmwm.files.importers.quantities import as_reference, parse_reference
 from gmwm.showing.reports.figures import sensor_panel
-from gmwm.showing.reports.filter_tables import filter_tables
-from gmwm.showing.reports.verdict import state_of
+from gmwm.showing.reports.verdict import filter_tables, state_of
 
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 HORIZONS = {-2: "10 ms", -1: "0.1 s", 0: "1 s", 1: "10 s", 2: "100 s", 3: "1000 s"}
