@@ -1,8 +1,8 @@
 """Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
 
-Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
-of `gmwm.showing.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description
-with Matplotlib, which is imported when the first plot is drawn.
+A plot is a function that returns a description without Matplotlib, as a `Figure` of `gmwm.showing.plots.figure`. Its
+decorator `drawing` draws the description with Matplotlib, which is imported when the first plot is drawn;
+`description(plot)` returns the function itself. Parts of a plot, such as `fit_panel`, return a `Panel`.
 
 The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
 and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.

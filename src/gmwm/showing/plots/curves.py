@@ -24,6 +24,7 @@ from gmwm.showing.plots.figure import (
     Polyline,
     Stroke,
     Text,
+    description,
     drawable,
     drawing,
     single_panel,
@@ -259,14 +260,6 @@ def _faint(mark: Mark) -> Mark:
     return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
 
 
-def comparison_figure(
-    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto", title: str = ""
-) -> Figure:
-    """Return the figure that `plot_comparison` draws."""
-    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
-    return single_panel(panel, legend_rows=2)
-
-
 @drawing
 def plot_comparison(
     items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto", title: str = "",
@@ -286,7 +279,8 @@ def plot_comparison(
     OptionError
         If an option is unknown, or the curves differ in unit.
     """
-    return comparison_figure(items, view=view, units=units, title=title)
+    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
+    return single_panel(panel, legend_rows=2)
 
 
 @drawing
@@ -303,7 +297,7 @@ def plot_conditions(
         wv = fit.curves[c]
         implied = fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter)
         items[f"{fit.condition} {c:.4g}"] = AtCondition(wv, implied)
-    return comparison_figure(items, view=view, units=units)
+    return description(plot_comparison)(items, view=view, units=units)
 
 
 @drawing
@@ -356,7 +350,7 @@ def compare(
         )
     if len(set(names)) != len(names):
         raise OptionError(argument="labels", expected="a sequence of different names", got=names)
-    return comparison_figure(dict(zip(names, items, strict=True)), view=view, units=units, title=title)
+    return description(plot_comparison)(dict(zip(names, items, strict=True)), view=view, units=units, title=title)
 
 
 def automatic_labels(items: Sequence[Item]) -> list[str]:
@@ -407,9 +401,12 @@ LINEAR, EVEN = 10.0, 100.0
 linear."""
 
 
-def recordings_figure(replicates: Replicates) -> Figure:
-    """Return the figure that `plot_recordings` draws. It shows by how many per cent the wavelet deviation of each
-    recording differs from the mean of all recordings."""
+@drawing
+def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+    A band shows the range of differences that chance explains.
+    """
     wv, fit = replicates.fit.wavelet_variance, replicates.fit
     curves = wv.recordings
     ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)
@@ -431,12 +428,3 @@ def recordings_figure(replicates: Replicates) -> Figure:
     for k, (name, values) in enumerate(ratios.items()):
         marks.append(Polyline(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
     return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)
-
-
-@drawing
-def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
-    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
-
-    A band shows the range of differences that chance explains.
-    """
-    return recordings_figure(replicates)

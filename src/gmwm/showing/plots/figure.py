@@ -255,6 +255,12 @@ def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
     return plot
 
 
+def description(plot: Callable[P, MatplotlibFigure]) -> Callable[P, Figure]:
+    """Return the function that describes the figure of a plot without Matplotlib, for another renderer or a test."""
+    describe: Callable[P, Figure] = vars(plot)["__wrapped__"]
+    return describe
+
+
 def _documentation(text: str, names: list[str]) -> str:
     """Return a docstring with the options that plots share, and with all sections of `_SECTIONS`."""
     head, *written = re.split(r"\n\n(?=\w+\n---)", text)

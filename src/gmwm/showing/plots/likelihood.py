@@ -45,12 +45,6 @@ LIMIT = Stroke(VERMILLION, 0.9)
 ROBUST = Stroke(BLACK, 0.0, symbol="cross")
 
 
-def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
-    """Return the figure that `plot_residuals` draws."""
-    below = (quantile_panel(residuals), correlation_panel(residuals, lags))
-    return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
-
-
 def time_panel(residuals: Residuals) -> Panel:
     """Return the panel of the residuals over time. If the model is right, the largest residual exceeds the limits in
     the panel with a probability of 5 %."""
@@ -162,7 +156,8 @@ def plot_residuals(
     >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
     ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
     """
-    return residuals_figure(residuals, lags)
+    below = (quantile_panel(residuals), correlation_panel(residuals, lags))
+    return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
 
 
 def autocorrelation_panel(

@@ -59,11 +59,6 @@ def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Pan
     return Panel(x, y, tuple(marks), f"{axis_title(regression.axis)} against {regression.against}")
 
 
-def regression_figure(regression: Regression, *, units: UnitSystem = "si") -> Figure:
-    """Return the figure that `plot_regression` draws, which has one panel."""
-    return single_panel(regression_panel(regression, units=units))
-
-
 @drawing
 def plot_regression(
     regression: Regression, *, units: UnitSystem = "si", ax: Axes | None = None,
@@ -74,4 +69,4 @@ def plot_regression(
     """
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
-    return regression_figure(regression, units=units)
+    return single_panel(regression_panel(regression, units=units))

@@ -147,18 +147,6 @@ def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
     return float(values.max()) if values.size else float("nan")
 
 
-def spectra_figure(
-    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
-) -> Figure:
-    """Return the figure that `plot_spectra` draws, with one row for each sensor and one panel for each axis."""
-    return grid_figure(
-        {
-            axis: spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
-            for axis, spectrum in spectra.items()
-        }
-    )
-
-
 @drawing
 def plot_spectrum(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", ax: Axes | None = None,
@@ -205,4 +193,9 @@ def plot_spectra(
     OptionError
         If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
     """
-    return spectra_figure(spectra, models=models, units=units)
+    return grid_figure(
+        {
+            axis: spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
+            for axis, spectrum in spectra.items()
+        }
+    )

@@ -13,11 +13,11 @@ import numpy as np
 from gmwm.base.arrays import Vector, runs_of
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.curves import Item, overlay_panel, recordings_figure
-from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick
+from gmwm.showing.plots.curves import Item, overlay_panel, plot_recordings
+from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick, description
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import UnitSystem, ViewName, sensor_and_letter, sensor_title
-from gmwm.showing.plots.ranking import ranking_figure
+from gmwm.showing.plots.ranking import plot_ranking
 from gmwm.showing.plots.regression import regression_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
@@ -299,7 +299,7 @@ def axis_pictures(axis: AxisCalibration) -> tuple[Variants, Variants]:
     """Return two figures of one axis: data, model and terms; and the distances of the best models from the data."""
 
     def distances(view: ViewName, units: UnitSystem) -> Panel:
-        panel = ranking_figure(axis.ranking, view=view, units=units).rows[0][1]
+        panel = description(plot_ranking)(axis.ranking, view=view, units=units).rows[0][1]
         assert panel is not None
         return panel
 
@@ -324,7 +324,7 @@ def regression_pictures(regression: Regression) -> Variants:
 
 def recordings_pictures(replicates: Replicates) -> Variants:
     """Return the figure that shows each recording relative to the mean. It does not depend on view or units."""
-    (panel,) = recordings_figure(replicates).panels
+    (panel,) = description(plot_recordings)(replicates).panels
     return {"wavelet-si": plotly_panel(replace(panel, title=""))}
 
 

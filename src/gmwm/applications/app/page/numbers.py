@@ -24,7 +24,7 @@ from gmwm.applications.app.page.widgets import (
 )
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Workspace
-from gmwm.applications.navigation.plot import budget_figure
+from gmwm.applications.navigation.plot import plot_budget
 from gmwm.applications.navigation.summary_text import headline
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.durations import parse_length
@@ -35,6 +35,7 @@ from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
 from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.showing.plots.figure import description
 from gmwm.showing.reports.figures import sensor_panel
 from gmwm.showing.reports.verdict import filter_tables, state_of
 
@@ -227,7 +228,7 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
         budget = found.budget(session.duration, level=session.confidence)
         figures = [
             graph(plotly_figure(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
-            for k, panel in enumerate(budget_figure(budget).panels)
+            for k, panel in enumerate(description(plot_budget)(budget).panels)
         ]
         return [html.P(headline(budget), className="facts"), html.Div(figures, className="grid")]
 
