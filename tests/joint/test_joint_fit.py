@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm.applications.several import fit_joint
 from gmwm.applications.several.plots import plot_joint
-from gmwm.applications.several.search import _derivatives
-from gmwm.applications.several.terms import joint_terms
+from gmwm.applications.several.search import _derivatives, joint_terms
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.showing.plots.figure import description
 

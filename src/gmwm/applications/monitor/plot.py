@@ -20,7 +20,7 @@ from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
 
 if TYPE_CHECKING:
-    from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency
+    from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 

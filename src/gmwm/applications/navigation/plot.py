@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmwm.applications.navigation.result import Budget, Growth
-from gmwm.applications.navigation.summary_text import RIGHT_ANGLE, largest
+from gmwm.applications.navigation.result import RIGHT_ANGLE, Budget, Growth, largest
 from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gmwm.applications.navigation.summary_text import error_text, headline, start, terms_text
+from gmwm.applications.navigation.result import error_text, headline, start, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
 from gmwm.showing.reports.content import Section

@@ -17,7 +17,7 @@ from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORAN
 
 if TYPE_CHECKING:
     from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
-    from gmwm.applications.several.joint_result import JointFit
+    from gmwm.applications.several.joint_fit import JointFit
     from gmwm.applications.several.result import CrossCovariance
 
 ZERO = Stroke(GREY, 0.8, SOLID)  # correlation zero

@@ -53,33 +53,15 @@ class ExportOptions:
 
 
 class Exporter(ABC):
-    """A file format for another program.
+    """A file format for another program."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the format for `calibration.export(…, format=)`.
-    title : str
-        Program or purpose of the file.
-    extension : str
-        Extension of the file, with the dot.
-    default_axes : "worst", "mean" or "each"
-        Default of the option `axes`.
-    takes : frozenset of str
-        Options that the format uses, out of "axes", "inflation", "horizon", "rate" and "duration".
-    both : bool
-        Whether the format needs both gyroscopes and accelerometers.
-    per_axis : bool
-        Whether the format allows different numbers for the axes of a sensor.
-    """
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    extension: ClassVar[str]
-    default_axes: ClassVar[Rule] = "worst"
-    takes: ClassVar[frozenset[str]] = frozenset()
-    both: ClassVar[bool] = False
-    per_axis: ClassVar[bool] = False
+    name: ClassVar[str]  # name for `calibration.export(…, format=)`
+    title: ClassVar[str]  # program or purpose of the file
+    extension: ClassVar[str]  # with the dot
+    default_axes: ClassVar[Rule] = "worst"  # default of the option `axes`
+    takes: ClassVar[frozenset[str]] = frozenset()  # options out of "axes", "inflation", "horizon", "rate", "duration"
+    both: ClassVar[bool] = False  # whether the format needs both gyroscopes and accelerometers
+    per_axis: ClassVar[bool] = False  # whether the format allows different numbers for the axes of a sensor
 
     @abstractmethod
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
@@ -169,32 +151,16 @@ class Noise:
 
 
 class TwoNumbers(Exporter):
-    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias.
-
-    Attributes
-    ----------
-    comment : str
-        Characters that start a comment line.
-    first : str
-        Line that the file must start with; an empty string for none.
-    meaning : tuple of str
-        Sentences that state the unit of each key, and whether it is in continuous or discrete time.
-    usage : tuple of str
-        Sentences on how to use the file.
-    flicker : str
-        Name of the program's parameter for flicker noise; an empty string if it has none.
-    biases_of : tuple of "gyro" or "accel"
-        Sensors whose bias at rest is in the file.
-    """
+    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias."""
 
     takes = frozenset({"axes", "inflation", "horizon", "rate"})
     both = True
-    comment: ClassVar[str] = "#"
-    first: ClassVar[str] = ""
-    meaning: ClassVar[tuple[str, ...]]
-    usage: ClassVar[tuple[str, ...]] = ()
-    flicker: ClassVar[str] = ""
-    biases_of: ClassVar[tuple[Quantity, ...]] = ()
+    comment: ClassVar[str] = "#"  # characters that start a comment line
+    first: ClassVar[str] = ""  # line that the file must start with
+    meaning: ClassVar[tuple[str, ...]]  # sentences on the unit of each key, and on continuous or discrete time
+    usage: ClassVar[tuple[str, ...]] = ()  # sentences on how to use the file
+    flicker: ClassVar[str] = ""  # name of the program's parameter for flicker noise; "" if it has none
+    biases_of: ClassVar[tuple[Quantity, ...]] = ()  # sensors whose bias at rest is in the file
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:

@@ -45,28 +45,15 @@ class Stroke:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn.
+    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn."""
 
-    Parameters
-    ----------
-    x, y : (n,) arrays
-        Positions in the units of the axes.
-    stroke : Stroke
-        Style of the line.
-    label : str
-        Legend entry; "" for none.
-    layer : int
-        Marks with a higher layer are drawn in front of others.
-    swatch : str
-        Colour in the legend of Matplotlib, if the entry stands for curves of several colours.
-    """
-
+    # (n,) positions in the units of the axes
     x: Vector
     y: Vector
     stroke: Stroke
-    label: str = ""
-    layer: int = 0
-    swatch: str = ""
+    label: str = ""  # legend entry; "" for none
+    layer: int = 0  # marks with a higher layer are drawn in front of others
+    swatch: str = ""  # colour in the legend of Matplotlib, if the entry stands for curves of several colours
 
 
 @dataclass(frozen=True, eq=False)

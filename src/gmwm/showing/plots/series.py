@@ -299,10 +299,8 @@ def plot_components(
     rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, LINE_WIDTH_PT), title)]
     strokes = term_strokes(model.terms, model.processes)
     for term, process in zip(model.terms, model.processes, strict=True):
-        path = trace(simulated[term], shown.factor, columns)
-        rows.append(
-            _SignalRow(path, Stroke(strokes[term].colour, LINE_WIDTH_PT), term_label(term, process, shown, signal.rate))
-        )
+        outline, stroke = trace(simulated[term], shown.factor, columns), Stroke(strokes[term].colour, LINE_WIDTH_PT)
+        rows.append(_SignalRow(outline, stroke, term_label(term, process, shown, signal.rate)))
     panels = _panels(rows, shown)
     stacked = time_once([(panel,) for panel in panels])
     return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))

@@ -1,4 +1,7 @@
-"""Figures of a report for Plotly, in every combination of view and units that is available."""
+"""Figures of a report for Plotly, in every combination of view and units that is available.
+
+Plotly interprets some HTML and its own templates in strings, so every string is escaped with `safe`.
+"""
 
 from __future__ import annotations
 

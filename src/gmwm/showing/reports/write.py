@@ -64,13 +64,7 @@ def _installed() -> Iterator[str]:
 
 
 def print_html(html: str, path: Path) -> None:
-    """Print an HTML page to a PDF file.
-
-    Raises
-    ------
-    OptionError
-        If no browser is installed, or the browser does not write the PDF.
-    """
+    """Print an HTML page to a PDF file. Raises an OptionError if no browser is installed, or if it writes no PDF."""
     program = browser()
     if program is None:
         raise OptionError(
@@ -193,14 +187,7 @@ FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At res
 
 
 def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> dict[str, Any]:
-    """Return the content of the page, without the plot, as strings.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    dialect : Dialect
-        How options are written in remarks: as in Python, in the shell, or as HTML.
-    """
+    """Return the content of the page, without the plot, as strings. `dialect` is that of options in remarks."""
     tables = filter_tables(calibration, dialect)
     for table in tables:
         for row in table["rows"]:
