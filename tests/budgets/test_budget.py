@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.applications.navigation import Budget, budget
-from gmwm.applications.navigation.response import EARTH_RADIUS_M, BudgetAxis, mean_squares, navigation
+from gmwm.applications.navigation.api import EARTH_RADIUS_M, BudgetAxis, mean_squares, navigation
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
