@@ -21,6 +21,7 @@ from gmwm.choosing.datasheets.filter_numbers import (
     FilterNumbers,
     FilterPrediction,
     filter_numbers,
+    samples_in,
 )
 from gmwm.choosing.datasheets.limits import hidden, measurable
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
@@ -86,6 +87,10 @@ DEFAULT_HORIZON_S = 1.0
 """Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
 random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
 8 % worse than with the best K (docs/validation/filter.md)."""
+
+TRUE_CLAIM = (0.8, 1.3)
+"""Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
+tests/exporters/test_quality.py."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
@@ -164,6 +169,28 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
     level = as_confidence(level, "level")
     use = Use(checked_horizon(horizon))
     return limited(fit, filter_entries(fit, use, level), use.horizon, level)
+
+
+def claim(fit: Fit, white: float, walk: float, time: float) -> float:
+    """Return the error that a filter with N and K states for the mean over the next `time` seconds, over its error."""
+    rate = fit.wavelet_variance.rate
+    samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
+    real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
+    return math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
+
+
+def true_until(fit: Fit, white: float, walk: float) -> float | None:
+    """Return the longest time (s) up to which the error that a filter with N and K states is true (`TRUE_CLAIM`), from
+    1 s; None if it is true up to 1000 s, or up to a tenth of a shorter recording."""
+    stored: dict[tuple[float, float], float | None] = fit.__dict__.setdefault("_true_until", {})
+    if (white, walk) not in stored:
+        wv = fit.wavelet_variance
+        times = [
+            t for t in (1, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
+        ]
+        true = [TRUE_CLAIM[0] <= claim(fit, white, walk, time) <= TRUE_CLAIM[1] for time in times]
+        stored[white, walk] = None if all(true) else float(times[max(true.index(False) - 1, 0)])
+    return stored[white, walk]
 
 
 def changes_by_curve(fit: Fit) -> dict[str, float]:
