@@ -17,6 +17,7 @@ from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensit
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import (
     LEAST_PERIODS,
+    MOST_PERIODS,
     FilterGain,
     FilterNumbers,
     FilterPrediction,
@@ -120,7 +121,8 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
-    model itself.
+    model itself. The interval of N also includes N without oscillations faster than 10/T: their flanks below 1/T are
+    extrapolated, and a disturbance whose frequency wanders has none.
 
     The intervals come from the derivatives of N and K with respect to the parameters of the model (implicit function
     theorem) and the covariance of the estimates.
@@ -168,7 +170,7 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
 def changes_by_curve(fit: Fit) -> dict[str, float]:
     """Return the factor, at least 1, by which the measured curve changes N and K of the model; {} if it does not."""
-    (numbers, of_model), _ = _numbers(fit, Use())
+    (numbers, of_model, _), _ = _numbers(fit, Use())
     pairs = {symbol: (getattr(numbers, symbol), getattr(of_model, symbol)) for symbol in _TITLES}
     return {
         symbol: max(here / there, there / here)
@@ -202,7 +204,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
     for symbol, (title, power) in _TITLES.items():
         unit, factor = noise_unit(power, fit.wavelet_variance.unit)
-        value, of_model = (factor * float(getattr(each, symbol)) for each in numbers)
+        value, of_model, without_flanks = (factor * float(getattr(each, symbol)) for each in numbers)
+        least = min(value, of_model, without_flanks) if symbol == "N" else min(value, of_model)
         low: float | None = value
         high: float | None = value
         upper_only = value == 0
@@ -212,7 +215,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             reach = errors[symbol]
             upper_only = z * min(reach.scales, reach.all) >= 1
             by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
-            low, high = min(value, of_model) / by, max(value, of_model) * by
+            low, high = least / by, max(value, of_model) * by
             if upper_only:
                 low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)
         entries[symbol] = Entry(
@@ -240,9 +243,13 @@ class _Error:
         return replace(self, all=math.hypot(self.all, curve), scales=math.hypot(self.scales, curve))
 
 
-def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
-    """Return N and K of the data and of the model itself, and their standard errors; None if there are none."""
-    stored: dict[Use, tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]]
+_Numbers = tuple[tuple[FilterNumbers, FilterNumbers, FilterNumbers], dict[str, _Error] | None]
+
+
+def _numbers(fit: Fit, use: Use) -> _Numbers:
+    """Return N and K of the data, of the model itself, and of the data without oscillations far above 1/T, and their
+    standard errors; None if there are none."""
+    stored: dict[Use, _Numbers]
     stored = fit.__dict__.setdefault("_filter_numbers", {})
     if use not in stored:
         rate = fit.wavelet_variance.rate
@@ -254,6 +261,9 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         slowest = fit.wavelet_variance.samples / 10.0
         numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
+        near = [p for p in processes if (p.oscillation() or 0.0) * use.horizon <= MOST_PERIODS]
+        changed = 0 < len(near) < len(processes)
+        without = filter_numbers(near, rate, use.horizon, ratio=ratio, slowest=slowest) if changed else numbers
         try:
             moved = [
                 filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
@@ -263,7 +273,7 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
             errors = None
-        stored[use] = (numbers, of_model), errors
+        stored[use] = (numbers, of_model, without), errors
     return stored[use]
 
 
