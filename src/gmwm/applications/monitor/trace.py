@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.applications.monitor.api import Monitor
+from gmwm.applications.monitor.axis import Event
 from gmwm.applications.monitor.baseline import chunks_of
-from gmwm.applications.monitor.events import Event
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
@@ -108,7 +108,7 @@ class Trace(Plotted):
 
         If `path` does not end in .html, or another error occurs, no file is written.
         """
-        from gmwm.applications.monitor.report import monitor_report
+        from gmwm.applications.monitor.plot import monitor_report
 
         return monitor_report(self, path)
 

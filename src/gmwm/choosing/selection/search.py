@@ -36,8 +36,7 @@ from gmwm.choosing.selection.fast_part import (
     with_oscillator_error,
     with_sampling_error,
 )
-from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
-from gmwm.choosing.selection.search_steps import REJECTED, Entry, Exit, SearchStep
+from gmwm.choosing.selection.ranking import REJECTED, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted

@@ -21,7 +21,7 @@ from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyl
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import UnitSystem, ViewName, sensor_and_letter, sensor_title
 from gmwm.showing.plots.ranking import plot_ranking
-from gmwm.showing.plots.regression import regression_panel
+from gmwm.showing.plots.results import regression_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
 
