@@ -25,13 +25,7 @@ from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
 from gmwm.measuring.regression.against import WARM_UP
 from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
-from gmwm.showing.reports.figures import (
-    axis_pictures,
-    recordings_pictures,
-    regression_pictures,
-    sensor_pictures,
-    spectrum_pictures,
-)
+from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
 
 if TYPE_CHECKING:
@@ -173,7 +167,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         )
     pictures: dict[str, Any] = {}
     sensors = filter_tables(calibration)
-    curves = sensor_pictures(calibration)
+    curves = figures.sensor_pictures(calibration)
     for k, table in enumerate(sensors, 1):
         drawn = {f"sensor{k}-{n}": picture for n, picture in enumerate(curves.get(table["sensor"], ()), 1)}
         pictures |= drawn
@@ -215,14 +209,14 @@ PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
 
 def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     """Return the pictures of an axis by kind, without those that it does not have."""
-    fit, distance = axis_pictures(axis)
+    fit, distance = figures.axis_pictures(axis)
     pictures = {"fit": fit, "distance": distance}
     if axis.spectrum is not None:
-        pictures["spectrum"] = spectrum_pictures(axis.spectrum, axis.fit.model)
+        pictures["spectrum"] = figures.spectrum_pictures(axis.spectrum, axis.fit.model)
     if axis.regression is not None:
-        pictures["regression"] = regression_pictures(axis.regression)
+        pictures["regression"] = figures.regression_pictures(axis.regression)
     if axis.replicates is not None:
-        pictures["recordings"] = recordings_pictures(axis.replicates)
+        pictures["recordings"] = figures.recordings_pictures(axis.replicates)
     return pictures
 
 
