@@ -381,9 +381,7 @@ def within_family(
     step = SearchStep(family=family_name, entered=entered, bound=bound, model_error=error, left="lines-absent")
     step = _with_result(step, ranking)
     if len(supported) < len(required):
-        choice = within_family(
-            family, wv, options, required=supported, check=check, entered="without-absent-lines"
-        )  # fmt: skip
+        choice = within_family(family, wv, options, required=supported, check=check, entered="without-absent-lines")
         return choice.after(step)
     return _only_choice(ranking, wv, step, tried=(family_name,))
 

@@ -75,9 +75,7 @@ def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
 
 
 Rule = Literal["worst", "mean", "each"]
-RULES: Mapping[Rule, str] = {
-    "worst": "the largest of", "mean": "the root mean square of", "each": "one for each of",
-}  # fmt: skip
+RULES: Mapping[Rule, str] = {"worst": "the largest of", "mean": "the root mean square of", "each": "one for each of"}
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}

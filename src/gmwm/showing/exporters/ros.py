@@ -70,7 +70,7 @@ class Ros(Exporter):
             )
         notes += [
             "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
-            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
+            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors."
         ]
         return laid_out(top(self, calibration), lines, notes, "#")
 

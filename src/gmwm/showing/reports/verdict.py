@@ -125,12 +125,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     equality = equality_remarks(calibration)
     cautions = [r for r in calibration.remarks if r.severity is not Severity.INFO and r not in equality]
     points = [*equality, *cautions, *_results(calibration)]
-    return {
-        "state": state_of(head),
-        "code": head.code,
-        "headline": head.text(Dialect.HTML),
-        "points": _points(points),
-    }
+    return {"state": state_of(head), "code": head.code, "headline": head.text(Dialect.HTML), "points": _points(points)}
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
