@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,15 +18,11 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.calibration.additions import AxisAddition
+from gmwm.files.readers.streams import Stream
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.chunks import Chunk
-from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, as_model
-
-if TYPE_CHECKING:
-    from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Signal
-
 
 LEAST_BLOCKS = 80
 """Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""

@@ -7,11 +7,12 @@ import io
 import os
 from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
+from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 from gmwm.base.atomic_files import write_text
 from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
@@ -23,10 +24,6 @@ from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Pol
 from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
-
-if TYPE_CHECKING:
-    from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
-
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,10 +14,8 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.files.readers.streams import Stream
 from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.recording.signals import Imu
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu
 
 UNITS_TO_COMPARE = 3
 """Smallest number of units with which the changed unit can be identified."""

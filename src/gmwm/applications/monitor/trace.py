@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,9 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.text import counted, duration_text
+from gmwm.files.readers.streams import Stream
 from gmwm.recording.chunks import Chunk
-
-if TYPE_CHECKING:
-    from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu
 
 STEP, LOOKS = 512, 256
 """The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +23,10 @@ from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
+from gmwm.fitting.likelihood.tracks import Tracks
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, ModelLike
-
-if TYPE_CHECKING:
-    from gmwm.fitting.likelihood.tracks import Tracks
 
 
 @dataclass(frozen=True, kw_only=True)

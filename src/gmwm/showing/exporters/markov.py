@@ -7,18 +7,16 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from gmwm.base.text import duration_text
 from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.calibration import Calibration
+from gmwm.fitting.estimation.result import Fit
 from gmwm.showing.exporters import two_states
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled, three
 from gmwm.showing.exporters.text import commented, commented_notes, row_mark, shortened, unended, written
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.fitting.estimation.result import Fit
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,23 +18,20 @@ from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
 from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
 from gmwm.measuring.regression.against import WARM_UP
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
 from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.selection import Ranking
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
-
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
