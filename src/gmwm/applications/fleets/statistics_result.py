@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.fleets.summary_text import statistics_text
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import plain, plain_fields
@@ -32,12 +31,12 @@ SHARE, MOST = 0.1, 100
 class Deviants:
     """For each of m samples, the k units with the largest distances from the remaining units."""
 
-    places: NDArray[np.int64]  # (m, k) indices of the units, in the order of removal; −1 if fewer units were tested
+    places: Integers  # (m, k) indices of the units, in the order of removal; −1 if fewer units were tested
     distance: Matrix  # (m, k) t statistic of each unit relative to the remaining units
     pvalue: Matrix  # (m, k) p-value of each unit, for a sample without outliers
 
 
-def looked_for(count: Vector) -> NDArray[np.int64]:
+def looked_for(count: Vector) -> Integers:
     """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()

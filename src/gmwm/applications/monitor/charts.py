@@ -13,10 +13,9 @@ from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.monitor.whitening import numbers, whole, wholes
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 
 DESIGN_SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
@@ -118,7 +117,6 @@ def spike_limit(run_length: float) -> float:
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
 """Quantity that a chart monitors: mean squares ("noise up", "noise down"), means ("level"), single innovations
 ("spike"), or runs of equal samples ("constant")."""
-Integers = NDArray[np.int64]
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
     ("noise up", 1, 2.0), ("noise up", 1, 1.25), ("noise down", -1, 1.0 / 1.5),

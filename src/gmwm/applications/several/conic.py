@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.several.matrices import entries, symmetric
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +22,16 @@ class Cone:
     """Pattern of the free entries in the covariance matrices of P terms."""
 
     d: int
-    full: NDArray[np.bool_]  # (P,) true if all entries of the matrix of a term are free, False if it is diagonal
+    full: Booleans  # (P,) true if all entries of the matrix of a term are free, False if it is diagonal
 
     @cached_property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Booleans:
         """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
         rows, columns = entries(self.d)
         return np.concatenate([np.ones(rows.size, bool) if is_full else rows == columns for is_full in self.full])
 
     @cached_property
-    def terms(self) -> NDArray[np.int64]:
+    def terms(self) -> Integers:
         """Number of the term to which each free entry belongs."""
         count = entries(self.d)[0].size
         return np.repeat(np.arange(self.full.size), count)[self.free]

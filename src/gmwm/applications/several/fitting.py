@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several.conic import Cone
 from gmwm.applications.several.matrices import (
@@ -30,7 +30,7 @@ from gmwm.applications.several.search import (
     resume,
     search,
 )
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Matrix, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.measuring.covariance.design import Design
@@ -186,9 +186,7 @@ def _root(wavelet: Matrix) -> Matrix:
     )  # fmt: skip
 
 
-def chosen_levels(
-    design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE
-) -> NDArray[np.bool_]:
+def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE) -> Booleans:
     """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several.matrices import synchronous_signals
 from gmwm.applications.several.state_space import factor
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.axis_names import AXES
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
@@ -187,14 +187,14 @@ class ArrayNoise:
         start[np.ix_(stays, stays)] = _stationary(transition[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
         return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
-    def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
+    def static(self, weights: Vector, levels: Integers) -> Vector:
         """Return the wavelet variance (J,) of a weighted sum of the signals."""
         scales = np.einsum("a,pab,b->p", weights, self.sigmas, weights)
         shapes = np.array([process.wavelet_variance(levels, self.rate) for process in self.processes])
         return np.asarray(scales @ shapes)
 
 
-def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
+def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: Integers) -> Vector:
     """Return the wavelet variance (J,) of the fused signal of an array at rest."""
     return noise.fused_space(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
 
@@ -339,7 +339,7 @@ class VirtualAxis:
     members: tuple[str, ...]
     unit: str
     weights: Vector
-    levels: NDArray[np.int64]
+    levels: Integers
     rate: float
     samples: int
     variance: Vector

@@ -9,14 +9,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several import fitting
 from gmwm.applications.several.certificate import LARGEST_GAP, Prover
 from gmwm.applications.several.matrices import entries, lag_products, symmetric
 from gmwm.applications.several.search import descend, joint_terms, sum_model, with_kind
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.plotting import Plotted, register
@@ -105,7 +105,7 @@ class JointFit(Summarised, Plotted):
     terms: tuple[str, ...]
     rate: float
     samples: int
-    levels: NDArray[np.int64]
+    levels: Integers
     covariances: Mapping[str, Matrix]
     parameters: Mapping[str, float]
     objective: float
@@ -168,7 +168,7 @@ class JointFit(Summarised, Plotted):
         return Named({term: fitting.correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
 
     @property
-    def loadings(self) -> Mapping[str, NDArray[np.float64]]:
+    def loadings(self) -> Mapping[str, Vector]:
         """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
         loadings = {}
         for term in self.settled.problem.terms:

@@ -19,10 +19,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import GmwmError
 from gmwm.choosing.selection.candidate_fits import Explored
 from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
@@ -164,7 +163,7 @@ class Hypothesis:
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
-    def several(self, records: NDArray[np.int64]) -> Iterator[float]:
+    def several(self, records: Integers) -> Iterator[float]:
         """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])

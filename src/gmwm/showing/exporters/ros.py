@@ -10,9 +10,19 @@ from gmwm.base.remarks import Remark
 from gmwm.base.units import Quantity
 from gmwm.calibration import Calibration
 from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters import reduction
 from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, sensor_missing, top
 from gmwm.showing.exporters.quality import of_lines
+from gmwm.showing.exporters.reduction import (
+    RULES,
+    Number,
+    axes_of,
+    known_axes,
+    require_unit,
+    ruled,
+    stated,
+    three,
+    unknown,
+)
 from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
 from gmwm.theory.processes import registry
 from gmwm.theory.processes.base import Process
@@ -47,18 +57,14 @@ class Ros(Exporter):
         ]  # fmt: skip
         lines = []
         for quantity in QUANTITIES:
-            if not (names := reduction.axes_of(calibration, quantity)):
+            if not (names := axes_of(calibration, quantity)):
                 continue
-            notes.append(f"{_KEYS[quantity]}: {reduction.RULES[options.axes]} {', '.join(names)}.")
+            notes.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
             for axis in names:
-                reduction.require_unit(axis, calibration[axis], quantity)
-            deviations = [
-                (axis, reduction.Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names
-            ]
-            reduction.three = [
-                number.value**2 for number in reduction.ruled(deviations, options.axes, options.inflation)
-            ]
-            nine = ", ".join(written(reduction.three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
+                require_unit(axis, calibration[axis], quantity)
+            deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
+            three = [number.value**2 for number in ruled(deviations, options.axes, options.inflation)]
+            nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
             lines.append(f"{_KEYS[quantity]}: [{nine}]")
         if not lines:
             raise DataError(
@@ -127,16 +133,14 @@ class Autoware(Exporter):
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the YAML file with the parameters of the node."""
-        gyro, accel = (reduction.axes_of(calibration, quantity) for quantity in ("gyro", "accel"))
+        gyro, accel = (axes_of(calibration, quantity) for quantity in ("gyro", "accel"))
         if not gyro or not accel:
             raise sensor_missing(calibration, "accel" if gyro else "gyro", self.name)
         for axis in (*gyro, *accel):
-            reduction.require_unit(axis, calibration[axis], "gyro" if axis in gyro else "accel")
-        deviations = {
-            axis: reduction.Number(math.sqrt(sample_variance(calibration[axis])), False) for axis in (*gyro, *accel)
-        }
-        rotation = reduction.ruled([(axis, deviations[axis]) for axis in gyro], options.axes, options.inflation)
-        force = reduction.ruled([(axis, deviations[axis]) for axis in accel], "worst", options.inflation)[0]
+            require_unit(axis, calibration[axis], "gyro" if axis in gyro else "accel")
+        deviations = {axis: Number(math.sqrt(sample_variance(calibration[axis])), False) for axis in (*gyro, *accel)}
+        rotation = ruled([(axis, deviations[axis]) for axis in gyro], options.axes, options.inflation)
+        force = ruled([(axis, deviations[axis]) for axis in accel], "worst", options.inflation)[0]
         notes = [
             recording(calibration),
             *paragraphs(self.remarks(calibration, options)),
@@ -144,11 +148,11 @@ class Autoware(Exporter):
             "acceleration_stddev, the largest of the accelerometers. angular_velocity_offset rad/s is the bias at "
             "rest, which Autoware subtracts.",
             f"Inflation factor: {options.inflation:g} for standard deviations, not for offsets. Horizon: none.",
-            *reduction.stated(calibration, ("gyro",)),
+            *stated(calibration, ("gyro",)),
             "Autoware's defaults, 0.03 rad/s and 10000 m/s², are far larger than the noise of a sensor.",
         ]
         lines = ["/**:", "  ros__parameters:"]
-        for letter, value in zip("xyz", reduction.three(calibration.rest, "gyro"), strict=True):
+        for letter, value in zip("xyz", three(calibration.rest, "gyro"), strict=True):
             lines.append(f"    angular_velocity_offset_{letter}: {written(value)}  # rad/s")
         for letter, number in zip("xyz", rotation, strict=True):
             lines.append(f"    angular_velocity_stddev_{2 * letter}: {written(number)}  # rad/s")
@@ -157,7 +161,7 @@ class Autoware(Exporter):
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on noise that the standard deviations do not include."""
-        return (*cautions(calibration), *reduction.unknown(calibration, ("gyro",)), *_not_in_variances(calibration))
+        return (*cautions(calibration), *unknown(calibration, ("gyro",)), *_not_in_variances(calibration))
 
 
 @register
@@ -175,7 +179,7 @@ class Dlio(Exporter):
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the YAML file with the intrinsic parameters of the IMU."""
-        if not reduction.known_axes(calibration.rest, "gyro"):
+        if not known_axes(calibration.rest, "gyro"):
             raise DataError(
                 "dlio needs the biases of the gyroscopes, but this calibration has none",
                 advice="Calibrate a recording with gyroscopes, and not a wavelet variance.",
@@ -185,17 +189,17 @@ class Dlio(Exporter):
             *paragraphs(self.remarks(calibration, options)),
             "Units: biases at rest, accelerometers m/s², gyroscopes rad/s, in the order x, y, z. DLIO has no "
             "parameters for N and K. Inflation factor: none. Horizon: none.",
-            *reduction.stated(calibration, ("gyro", "accel")),
+            *stated(calibration, ("gyro", "accel")),
             "With calibration: false, DLIO starts with these biases. With true, it estimates them in its first seconds "
             "and ignores them. Keep sm of your file if you have calibrated scale factors.",
         ]
         lines = ["dlio:", "  imu:", "    calibration: false", "    intrinsics:"]
         for key, quantity, extra in (("accel", "accel", True), ("gyro", "gyro", False)):
-            values = reduction.three(calibration.rest, "accel" if quantity == "accel" else "gyro")
+            values = three(calibration.rest, "accel" if quantity == "accel" else "gyro")
             lines += [f"      {key}:", f"        bias: [{', '.join(map(written, values))}]"]
             lines += ["        sm: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]"] if extra else []
         return laid_out(top(self, calibration), lines, notes, "#")
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """Return cautions of the calibration, and remarks on axes whose bias is not known."""
-        return (*cautions(calibration), *reduction.unknown(calibration, ("gyro", "accel")))
+        return (*cautions(calibration), *unknown(calibration, ("gyro", "accel")))

@@ -9,9 +9,8 @@ from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
@@ -33,7 +32,6 @@ _TRIED = {1: 80, 2: 16}
 """Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
 refined."""
 
-Clusters = NDArray[np.int64]
 T = TypeVar("T")
 
 
@@ -133,7 +131,7 @@ class States:
 class Curve:
     """Allan variance of a model without its sinusoids and ramps."""
 
-    clusters: Clusters  # (n,) averaging times, in samples
+    clusters: Integers  # (n,) averaging times, in samples
     rate: float  # sampling rate (Hz)
     whole: Vector  # (n,) Allan variance
 
