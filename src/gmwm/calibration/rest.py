@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,18 +15,17 @@ from gmwm.base.errors import GmwmError
 from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import weighted_candidates
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.choosing.datasheets.bias_changes import BiasTerms, Variance
 from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.selection.ranking import Ranking
+from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import Inspection
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-if TYPE_CHECKING:
-    from gmwm.calibration.options import CalibrationOptions
-    from gmwm.choosing.selection.ranking import Ranking
-    from gmwm.fitting.estimation.result import Fit
 
 GRAVITY, GRAVITY_ERROR = 9.806, 0.016
 """Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
