@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def step_of(sample: Vector) -> float | None:
     return lattice
 
 
-def _without_rounding(levels: Vector, counts: NDArray[np.int64]) -> tuple[Vector, NDArray[np.int64]]:
+def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integers]:
     """Join levels that differ only by the rounding of float64. Differences of a counter that was multiplied by the size
     of a count have such levels."""
     steps = np.diff(levels)

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_rate
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, as_rate
 from gmwm.theory.statespace import StateSpace, check_matrices
 
 __all__ = ["ContinuousStateSpace"]
@@ -68,7 +68,7 @@ class ContinuousStateSpace:
     Rc: Matrix
     m0: Vector
     P0: Matrix
-    diffuse: NDArray[np.bool_]
+    diffuse: Booleans
     terms: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -202,7 +202,7 @@ def _is_covariance(matrix: Matrix) -> bool:
     return bool(values[0] >= -_ROUNDING * np.max(np.abs(values)))
 
 
-def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _blocks(linked: Booleans) -> list[Integers]:
     """Return the indices of the states of each block of coupled states."""
     reach = linked | linked.T | np.eye(len(linked), dtype=np.bool_)
     for _ in range(len(linked).bit_length()):

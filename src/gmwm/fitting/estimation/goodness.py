@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import FrozenArrays
+from gmwm.base.arrays import Booleans, FrozenArrays, Integers
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.text import Summarised, counted, p_relation, p_text
@@ -49,7 +48,7 @@ class GoodnessOfFit(FrozenArrays, Documented, Summarised):
     statistic: float
     df: int | None
     pvalue: float
-    levels: NDArray[np.int64]
+    levels: Integers
     left_out: tuple[int, ...]
     method: Method
 
@@ -167,7 +166,7 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
     )
 
 
-def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
+def usable_levels(wv: WaveletVariance) -> Booleans:
     """Return a mask (J,) of the levels of a wavelet variance that have enough degrees of freedom for the test."""
     return usable_in(Design.of(wv))
 

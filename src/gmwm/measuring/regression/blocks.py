@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, freeze
 from gmwm.base.time_base import begins_of
 from gmwm.recording.batches import BATCH_SAMPLES
 
@@ -73,17 +72,17 @@ class BlockClock:
                 begin = stop
         return pieces
 
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Integers:
         """Return the number of observed samples in each block."""
         return self._counts
 
     @cached_property
-    def _ranges(self) -> NDArray[np.int64]:
+    def _ranges(self) -> Integers:
         """First sample, end and time of the first sample (in sampling intervals) of each segment (k, 3)."""
         return np.column_stack([np.array(self.segments, dtype=np.int64), np.array(self.offsets, dtype=np.int64)])
 
     @cached_property
-    def _counts(self) -> NDArray[np.int64]:
+    def _counts(self) -> Integers:
         first, last, offset = self._ranges.T
         # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
         # integers, so the result is exact.
@@ -91,11 +90,11 @@ class BlockClock:
         before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
         return freeze(np.diff(before).astype(np.int64))
 
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Booleans:
         """Return the mask of the blocks with at least half of their samples."""
         return np.asarray(self.counts() * 2 >= self.length)
 
-    def whole(self) -> NDArray[np.bool_]:
+    def whole(self) -> Booleans:
         """Return the mask of the blocks with all of their samples."""
         return np.asarray(self.counts() == self.length)
 

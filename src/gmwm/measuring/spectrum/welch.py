@@ -8,9 +8,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Integers, Vector, freeze
 
 Detrend = Literal["constant", "linear"]
 """Trend that is subtracted from each block: the mean, or the least-squares line."""
@@ -51,7 +50,7 @@ class Periodograms(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def band_edges(length: int) -> NDArray[np.int64]:
+def band_edges(length: int) -> Integers:
     """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the
     mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
