@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Integers, Vector
+from gmwm.base.lazy import scipy
 
 
 @dataclass(frozen=True)
@@ -240,11 +241,9 @@ def before_rounding(runs: list[Vector], step: float) -> float:
 
 def _log_likelihood(values: Vector) -> Vector:
     """Return the log-likelihood of rounded values (in steps) for each of `_SPREADS`, maximised over the mean."""
-    from scipy.special import ndtr
-
     start = values[0]
     cells, counts = np.unique(np.round(values - start), return_counts=True)
     means = np.mean(values - start) + _PLACES
     upper = (cells + 0.5 - means[:, None]) / _SPREADS[:, None, None]
-    probability = ndtr(upper) - ndtr(upper - 1 / _SPREADS[:, None, None])
+    probability = scipy.special.ndtr(upper) - scipy.special.ndtr(upper - 1 / _SPREADS[:, None, None])
     return np.asarray(np.max(np.log(np.maximum(probability, LIMITS.least_probability)) @ counts, axis=1))

@@ -15,6 +15,7 @@ import numpy as np
 
 from gmwm.applications.several.matrices import entries, symmetric
 from gmwm.base.arrays import Booleans, Integers, Matrix, Vector
+from gmwm.base.lazy import scipy
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +129,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
 
 def _solve(matrix: Matrix, vector: Vector) -> Vector:
     """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
-    from scipy.linalg.lapack import dposv
-
-    _, x, failed = dposv(matrix, vector)
+    _, x, failed = scipy.linalg.lapack.dposv(matrix, vector)
     return np.asarray(np.linalg.solve(matrix, vector) if failed else x)
 
 
@@ -169,12 +168,10 @@ class _Barrier:
 
     def inside(self, rows: Matrix, y: Vector) -> Vector | None:
         """Return the solution without constraints if all its matrices are positive definite; it is then the optimum."""
-        from scipy.linalg.lapack import dtrtrs
-
         pivots = np.abs(np.diag(rows))
         if rows.shape[0] < rows.shape[1] or pivots.min() <= 1e-9 * pivots.max():
             return None
-        s, _ = dtrtrs(rows, y)
+        s, _ = scipy.linalg.lapack.dtrtrs(rows, y)
         if np.any(s[self.diagonal] <= 0):
             return None
         if self.count:

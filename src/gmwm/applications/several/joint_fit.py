@@ -19,6 +19,7 @@ from gmwm.applications.several.state_space import JointContinuousStateSpace, Joi
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
@@ -218,8 +219,6 @@ class JointFit(Summarised, Plotted):
         OptionError
             If there is no such term, or the confidence level is not allowed.
         """
-        from scipy.special import ndtri
-
         place, d = self._place(term), len(self.axes)
         level = as_confidence(confidence)
         if self.settled.problem.terms[place].kind != "shared":
@@ -231,7 +230,7 @@ class JointFit(Summarised, Plotted):
         scatter = (fitting.errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
         r = fitting.correlation_of(estimate)
         error = fitting.correlation_errors(estimate, scatter)
-        z = float(ndtri(level if singular else (1 + level) / 2))
+        z = float(scipy.special.ndtri(level if singular else (1 + level) / 2))
         if singular:
             low = np.where(r > 0, np.clip(r - z * error, -1, 1), -1.0)
             high = np.where(r > 0, 1.0, np.clip(r + z * error, -1, 1))
@@ -260,13 +259,11 @@ class JointFit(Summarised, Plotted):
         OptionError
             If there is no such term.
         """
-        from scipy.special import gammaincc
-
         place = self._place(term)
         if term not in self._shared_tests:
             null = fitting.settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
             statistic, df = fitting.sharing(null, place)
-            pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+            pvalue = float(scipy.special.gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
             self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
         return self._shared_tests[term]
 

@@ -22,6 +22,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError
+from gmwm.base.lazy import scipy
 from gmwm.choosing.selection import fast_part
 from gmwm.choosing.selection.api import rank_models, select_within
 from gmwm.choosing.selection.ranking import REJECTED, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
@@ -125,8 +126,6 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     """Return whether one oscillator of a grid, up to the frequency `fastest` (Hz), may explain the wavelet variance
     beside any sum of smooth and required processes. Weights are those of a fit. A fit of an oscillator to a curve
     without one takes a hundred times longer."""
-    from scipy.special import chdtri
-
     used = usable_levels(wv)
     design = Design.of(wv).only(used)
     try:
@@ -145,7 +144,7 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     target = root @ wv.variance[used]
     table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
     least = _core.nonnegative_least_squares(target, table[:-1])[1]
-    limit = max(chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
+    limit = max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
     for oscillator in _unit(oscillators):
         table[-1] = oscillator
         if _core.nonnegative_least_squares(target, table)[1] <= limit:

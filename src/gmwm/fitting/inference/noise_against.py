@@ -12,6 +12,7 @@ from gmwm.base.arrays import Booleans, FrozenArrays, Integers, Matrix, Vector
 from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.base.multiple_tests import holm
 from gmwm.base.text import duration_text
 from gmwm.fitting.estimation import fit
@@ -172,8 +173,6 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     >>> round(found.terms["WN"].value, 3)
     0.02
     """
-    from scipy.special import gammaincc
-
     if not isinstance(signal, Signal):
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = condition_of(signal, condition)
@@ -217,15 +216,13 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         axis=signal.axis, condition=term.name, unit=term.unit, range=(float(np.min(values)), float(np.max(values))),
         levels=levels.copy(), tau=wv.tau[used],
         slopes=tuple(_test(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
-        pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
-        pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
+        pvalue=float(scipy.special.gammaincc(levels.size / 2, statistic / 2)), terms=terms,
+        pvalue_terms=float(scipy.special.gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
 
 
 def _test(value: float, error: float) -> Slope:
-    from scipy.special import ndtr
-
-    return Slope(float(value), float(error), 2 * float(ndtr(-abs(value) / error)))
+    return Slope(float(value), float(error), 2 * float(scipy.special.ndtr(-abs(value) / error)))
 
 
 def _shares(model: ModelLike, wv: WaveletVariance, used: Booleans) -> tuple[list[str], Matrix]:

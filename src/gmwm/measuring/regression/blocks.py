@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, freeze
+from gmwm.base.lazy import scipy
 from gmwm.base.time_base import begins_of
 from gmwm.recording.batches import BATCH_SAMPLES
 
@@ -174,8 +175,6 @@ class BlockClock:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
         kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
         between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
-        from scipy.interpolate import CubicSpline
-
         at, curve = self._lines(means)
         if self.length == finer.length or self.blocks < 4:
             return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))
@@ -184,7 +183,7 @@ class BlockClock:
         middles = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
         sums = np.concatenate([[0.0], np.cumsum(middles * np.diff(edges))])
         at = np.append(np.arange(finer.blocks) * float(finer.length), edges[-1])
-        return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
+        return np.asarray(np.diff(scipy.interpolate.CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
         """Return times (sampling intervals) and values of nodes of a line through the means of non-empty blocks."""

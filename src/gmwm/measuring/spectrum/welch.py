@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gmwm.base.arrays import Integers, Vector, freeze
+from gmwm.base.lazy import scipy
 
 Detrend = Literal["constant", "linear"]
 """Trend that is subtracted from each block: the mean, or the least-squares line."""
@@ -59,8 +60,6 @@ def band_edges(length: int) -> Integers:
 
 def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     """Return the sums over all blocks of `values` that begin at multiples of length / 2."""
-    from scipy.fft import rfft
-
     sums = Periodograms.none(length)
     if values.size < length:
         return sums
@@ -80,7 +79,7 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
             line = _centred_time(length)
             batch -= (batch @ line)[:, None] * line
         batch *= window
-        parts = rfft(batch, axis=1, overwrite_x=True).view(np.float64)
+        parts = scipy.fft.rfft(batch, axis=1, overwrite_x=True).view(np.float64)
         np.multiply(parts, parts, out=parts)
         power = parts[:, ::2] + parts[:, 1::2]
         total += power.sum(axis=0)
