@@ -18,7 +18,7 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.text import duration_text, version
 from gmwm.base.units import SI_UNIT
-from gmwm.showing.exporters.quality import TRUE
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
@@ -94,7 +94,7 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
     ).T
     claimed, real = view.factor * claimed, view.factor * real
-    least, most = TRUE
+    least, most = TRUE_CLAIM
     marks: list[Mark] = [
         Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
         Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),
