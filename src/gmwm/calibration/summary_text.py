@@ -18,7 +18,7 @@ from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
 from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
-from gmwm.choosing.selection.search_steps import search_lines
+from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
