@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
@@ -284,9 +285,7 @@ def _mean_covariance(models: list[Model], wv: WaveletVariance) -> Matrix:
 
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
     """Return the block-diagonal matrix of the given blocks."""
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*parts))
+    return np.asarray(scipy.linalg.block_diag(*parts))
 
 
 def fit_conditions(
@@ -394,8 +393,6 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
 def _search(stack: Stack, matrix: Matrix) -> Stack:
     """Return the stack with the link that minimises the objective under fixed weights: the best points of a bounded
     grid, or the previous link, refined."""
-    from scipy.optimize import fmin
-
     ((place, follow),) = stack.follows.items()
     low, high = follow.link.limits(stack.model.processes[place], stack.samples, stack.curves[0].rate)
 
@@ -412,7 +409,8 @@ def _search(stack: Stack, matrix: Matrix) -> Stack:
         starts = sorted(grid, key=objective)[:3]
     simplex = 0.3 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     ends = [
-        fmin(objective, start, xtol=1e-5, ftol=1e-8, disp=False, initial_simplex=start + simplex) for start in starts
+        scipy.optimize.fmin(objective, start, xtol=1e-5, ftol=1e-8, disp=False, initial_simplex=start + simplex)
+        for start in starts
     ]
     return at(min(ends, key=objective))
 
@@ -474,19 +472,15 @@ def _short(stack: Stack) -> Stack:
 
 def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
-    from scipy.special import gammaincc
-
     short = _settle(_short(solved.stack), weighting, certify=False)
     statistic, count = _misfit(short)
     df = short.stack.levels.size - count
-    return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
+    return statistic, df, float(scipy.special.gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
 def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
     """Return the p-value of the hypothesis that no term varies, from the residuals of a constant model that functions
     and changes of shapes explain."""
-    from scipy.special import gammaincc
-
     short = _short(solved.stack)
     constant = _settle(replace(short, model=model, factors={}, follows={}), weighting, certify=False)
     names, slopes = constant.stack.slopes(constant.solution)
@@ -499,7 +493,7 @@ def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
         return 1.0  # the term whose shape could change is zero
     total, rank = _misfit(constant)
     remainder, full_rank = _misfit(constant, np.array(columns).T)
-    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
+    return float(scipy.special.gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
 
 
 def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
