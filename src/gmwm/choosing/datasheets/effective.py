@@ -256,7 +256,7 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
         try:
             moved = [
-                filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
+                filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest, near=numbers.prediction)
                 for each in (ratio.moved() if ratio is not None else ())
             ]
             errors = _errors(FitCurve.of(fit), numbers, use, ratio)
@@ -274,11 +274,14 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
+    processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.rate):
             return np.zeros(2)
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
+        # A process with one shape parameter has no resonance that moves away from the frequencies of the quadrature.
+        near = numbers.prediction if process in processes or len(process.nonlinear_parameters()) < 2 else None
+        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
