@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
-from gmwm import GM, RW, WN
+from gmwm import GM, RW, WN, fixed
 from gmwm.choosing.datasheets.effective import Use, curve_ratio, filter_entries
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from tests.helpers import codes, only, raises
@@ -48,6 +49,16 @@ def test_where_the_model_does_not_fit_the_curve_gives_the_numbers():
     assert "numbers-from-curve" not in codes(whole.datasheet().remarks)
 
 
+@pytest.mark.parametrize(("frequency", "includes"), [(12.0, True), (8.0, False)])
+def test_the_interval_of_white_noise_includes_the_number_without_the_flanks_of_fast_oscillators(frequency, includes):
+    """A fan whose speed wanders has no flanks at low frequencies, unlike the oscillator that describes its peak."""
+    line = gmwm.OSC(frequency=fixed(frequency), quality=fixed(20.0), sigma2=1e-4)
+    fit = gmwm.fit(line.with_values(sigma2=None) + WN(), exact(line + WN(sigma2=1e-6)), certify=False)
+    white = filter_entries(fit, Use(), 0.95)["N"]
+    assert white.value > 1.3e-4
+    assert (white.low < 1e-4) == includes
+
+
 @pytest.mark.parametrize(("share", "visible"), [(8.0, True), (12.0, False)])
 def test_a_walk_that_needs_a_filter_as_slow_as_the_recording_is_zero(share, visible):
     curve = exact(WN(sigma2=1e-6) + RW(gamma2=1e-6 * (share / 2**18) ** -2 * (share / 2**18) ** 4))
@@ -71,3 +82,27 @@ def test_three_standard_errors_make_a_misfit():
 def test_only_a_fit_has_limits(given):
     with raises(gmwm.errors.OptionError, type(given).__name__, argument="fit", advises=["gmwm.fit(model, data)"]):
         gmwm.datasheets.effective_noise(given, 10.0)
+
+
+@pytest.mark.parametrize("horizon", [0.5, 1.0, 3.0])
+def test_white_noise_includes_slow_noise_below_the_limit_of_the_walk(horizon):
+    x = np.random.default_rng(1).normal(size=3000)
+    fit = gmwm.fit("WN", gmwm.Signal(x, 100.0, "rad/s"))
+    white, walk = gmwm.datasheets.effective_noise(fit, horizon).values()
+    alone = fit.datasheet()["N"].value
+    assert walk.upper_only
+    assert white.value == near(alone, 1e-6)
+    # The Allan variance at T of white noise and of a random walk is N²/T + K² T/3.
+    assert white.high**2 > alone**2 + walk.high**2 * horizon / 3
+
+
+def test_a_walk_is_a_limit_if_another_filter_may_be_best():
+    """A filter averages a Gauss-Markov term of 0.6 s, and tracks one of 1.2 s, which is the estimate here."""
+    rng, rate = np.random.default_rng(4), 100.0
+    for time, samples, limit in ((1.2, 6000, True), (20.0, 600_000, False)):
+        phi = np.exp(-1 / (rate * time))
+        x = lfilter([1.0], [1.0, -phi], 0.03 * rng.normal(size=samples) * np.sqrt(1.2 / time)) + rng.normal(
+            size=samples
+        )
+        fit = gmwm.fit("GM + WN", gmwm.Signal(x, rate, "rad/s"))
+        assert gmwm.datasheets.effective_noise(fit)["K"].upper_only == limit

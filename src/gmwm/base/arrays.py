@@ -19,6 +19,8 @@ Vector = NDArray[np.float64]
 """A one-dimensional float64 array."""
 Matrix = NDArray[np.float64]
 """A two-dimensional float64 array."""
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 NEGLIGIBLE_EXPONENT = 40.0
 """x beyond which e^(−x) = 4·10⁻¹⁸ is below the rounding error of 1."""

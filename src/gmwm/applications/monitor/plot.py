@@ -1,52 +1,31 @@
-"""Plots of a monitor, with its events and control charts, and of the consistency of a filter."""
+"""Plots of a monitor and of the consistency of a filter, and the summary of a monitor as an HTML page."""
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
+from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
+from gmwm.base.atomic_files import write_text
 from gmwm.base.axis_names import AXES, axis_quantity
-from gmwm.base.errors import DataError
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.text import duration_text, version
 from gmwm.base.units import SI_UNIT
-from gmwm.showing.exporters.quality import TRUE
-from gmwm.showing.plots.axes import limits_of, quiet, time_axis, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
+from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.linear import even_axis, time_unit
+from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
-from gmwm.showing.plots.view import UnitSystem, view_of
-
-if TYPE_CHECKING:
-    from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
-
-
-def trace_figure(trace: Trace) -> Figure:
-    """Return the figure of `Trace.plot`, with a row for each axis that shows its signal and its charts."""
-    axes = trace.monitor.axes
-    times = [trace.signal(axis)[0] for axis in axes]
-    if not times[0].size:
-        raise DataError("the monitor has no samples to draw", advice="Pass samples to the trace first.")
-    first, last = float(times[0][0]), float(times[0][-1])
-    unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
-    rows = []
-    # The time of the first sample may be seconds since 1970, or after the start of the recording.
-    label = f"Time since the first sample{f', at {first:.10g} s' if first else ''} ({unit})"
-    for axis in axes:
-        below = axis == axes[-1]
-        x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
-        x = x if below else quiet(x)
-        events = [event for event in trace.events if event.axis in (axis, "")]
-        scale = (first, size)
-        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
-    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:
@@ -90,12 +69,23 @@ def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> F
     OptionError
         If the ending of `path` is unknown.
     """
-    return trace_figure(trace)
-
-
-def consistency_figure(result: Consistency, units: UnitSystem = "auto") -> Figure:
-    """Return the figure of `Consistency.plot`."""
-    return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})
+    axes = trace.monitor.axes
+    times = [trace.signal(axis)[0] for axis in axes]
+    if not times[0].size:
+        raise DataError("the monitor has no samples to draw", advice="Pass samples to the trace first.")
+    first, last = float(times[0][0]), float(times[0][-1])
+    unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
+    rows = []
+    # The time of the first sample may be seconds since 1970, or after the start of the recording.
+    label = f"Time since the first sample{f', at {first:.10g} s' if first else ''} ({unit})"
+    for axis in axes:
+        below = axis == axes[-1]
+        x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
+        x = x if below else quiet(x)
+        events = [event for event in trace.events if event.axis in (axis, "")]
+        scale = (first, size)
+        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
+    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
@@ -104,7 +94,7 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
     ).T
     claimed, real = view.factor * claimed, view.factor * real
-    least, most = TRUE
+    least, most = TRUE_CLAIM
     marks: list[Mark] = [
         Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
         Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),
@@ -120,4 +110,49 @@ def plot_consistency(
     result: Consistency, *, units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None
 ) -> Figure:
     """Draw the claimed and the real error of the mean over the next T seconds against T, a panel for each axis."""
-    return consistency_figure(result, units)
+    return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})
+
+
+def monitor_data(trace: Trace) -> dict[str, Any]:
+    """Return the content of the page, without the plot, as plain data."""
+    monitor = trace.monitor
+    rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
+    rows += [
+        [f"{event.time:.2f}", f"{event.began:.2f}", event.axis or "unit", event.kind, event.description]
+        for event in trace.events
+    ]
+    facts = [
+        *([("Source", PureWindowsPath(trace.source).name)] if trace.source else []), ("Axes", ", ".join(monitor.axes)),
+        ("Duration", duration_text(monitor.samples / monitor.rate)), ("Samples", str(monitor.samples)),
+        ("Sampling rate", f"{monitor.rate:g} Hz"), ("Time between false alarms", duration_text(monitor.every)),
+        ("Baseline", ", ".join(monitor.baselines) or "none: the models alone"),
+    ]  # fmt: skip
+    models = [["Axis", "Model"], *([axis, model.structure] for axis, model in monitor.models.items())]
+    return {
+        "title": "Monitor of a sensor at rest", "gmwm": version(), "state": "bad" if trace.events else "good",
+        "headline": trace.summary(), "facts": facts, "rows": rows, "models": models,
+    }  # fmt: skip
+
+
+def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
+    """Write the summary of a monitor as HTML. `Trace.report` describes the arguments."""
+    file = Path(path)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
+    write_text(file, page(trace))
+    return file
+
+
+def page(trace: Trace) -> str:
+    """Return the summary as HTML, which includes the plot."""
+    from gmwm.showing.reports.write import environment, part  # imports most of gmwm, which plots do not need
+
+    buffer = io.BytesIO()
+    trace.plot().savefig(buffer, format="png", dpi=120)
+    template = environment().from_string(part("page/monitor.html"))
+    html: str = template.render(
+        **monitor_data(trace),
+        policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
+        style=part("page/report.css"), picture=base64.b64encode(buffer.getvalue()).decode(),
+    )  # fmt: skip
+    return html

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 
 _LEAST = float(np.finfo(float).tiny)
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
@@ -150,7 +149,7 @@ class Likelihood:
         taken = np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
-    def with_step(self, models: NDArray[np.int64], first: int) -> float:
+    def with_step(self, models: Integers, first: int) -> float:
         """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
         models."""
         return float(np.min(self.with_steps(models, slice(first, None))))
@@ -168,7 +167,7 @@ class Likelihood:
         place = first + shape if shape < between else first + shape - between + 0.5
         return float(np.min(self.without().values) - values[model]), float(place), grid.weights[model]
 
-    def with_steps(self, models: NDArray[np.int64], places: slice) -> Matrix:
+    def with_steps(self, models: Integers, places: slice) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block."""
         shapes, weights = _steps(self.grid, places), self.grid.weights[models]
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)

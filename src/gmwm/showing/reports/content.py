@@ -1,45 +1,37 @@
-"""Content of a report: a dictionary of strings, numbers and lists that a template renders."""
+"""Content of a report, as strings, numbers and lists, and the sections that other packages add."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pkgutil import resolve_name
+from typing import Any
 
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
 from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
 from gmwm.measuring.regression.against import WARM_UP
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.exporters import export, export_formats
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.view import DATASHEET_UNIT
-from gmwm.showing.reports.figures import (
-    axis_pictures,
-    recordings_pictures,
-    regression_pictures,
-    sensor_pictures,
-    spectrum_pictures,
-)
-from gmwm.showing.reports.filter_tables import filter_tables
-from gmwm.showing.reports.recording_facts import Facts, recording_facts, title_of
-from gmwm.showing.reports.sections import sections
-from gmwm.showing.reports.verdict import notes, verdict
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.selection import Ranking
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
+from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
+from gmwm.showing.reports import figures
+from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
@@ -172,7 +164,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         )
     pictures: dict[str, Any] = {}
     sensors = filter_tables(calibration)
-    curves = sensor_pictures(calibration)
+    curves = figures.sensor_pictures(calibration)
     for k, table in enumerate(sensors, 1):
         drawn = {f"sensor{k}-{n}": picture for n, picture in enumerate(curves.get(table["sensor"], ()), 1)}
         pictures |= drawn
@@ -214,14 +206,14 @@ PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
 
 def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     """Return the pictures of an axis by kind, without those that it does not have."""
-    fit, distance = axis_pictures(axis)
+    fit, distance = figures.axis_pictures(axis)
     pictures = {"fit": fit, "distance": distance}
     if axis.spectrum is not None:
-        pictures["spectrum"] = spectrum_pictures(axis.spectrum, axis.fit.model)
+        pictures["spectrum"] = figures.spectrum_pictures(axis.spectrum, axis.fit.model)
     if axis.regression is not None:
-        pictures["regression"] = regression_pictures(axis.regression)
+        pictures["regression"] = figures.regression_pictures(axis.regression)
     if axis.replicates is not None:
-        pictures["recordings"] = recordings_pictures(axis.replicates)
+        pictures["recordings"] = figures.recordings_pictures(axis.replicates)
     return pictures
 
 
@@ -378,3 +370,44 @@ def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
     return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}
+
+
+GROUP = "gmwm.reports"
+"""Group of the entry points of sections. The name of an entry point is the name of the section."""
+ENTRY_POINTS = {"budget": "gmwm.applications.navigation.table:budget_section"}
+"""Entry points of the package itself. They are loaded like those of other packages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A section of a report.
+
+    Attributes
+    ----------
+    title : str
+        Heading.
+    text : str
+        A paragraph. Text between backticks is shown as code.
+    rows : sequence of sequences of str
+        Table with its heading in the first row; empty for none.
+    remarks : sequence of str
+        Paragraphs below the table, as HTML in which names from files are escaped.
+    """
+
+    title: str
+    text: str = ""
+    rows: Sequence[Sequence[str]] = ()
+    remarks: Sequence[str] = ()
+
+
+@cache
+def _registry() -> dict[str, Callable[[Calibration], Section | None]]:
+    registry = {name: resolve_name(place) for name, place in ENTRY_POINTS.items()}
+    admit_guests(GROUP, registry.setdefault)
+    return registry
+
+
+def sections(calibration: Calibration) -> dict[str, Section]:
+    """Return the sections of a report by name. A function that returns None adds no section."""
+    contents = {name: function(calibration) for name, function in _registry().items()}
+    return {name: section for name, section in contents.items() if section is not None}

@@ -6,16 +6,12 @@ from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual_figure
-from gmwm.applications.app.jobs import SILENT_S
-from gmwm.applications.app.page.render import changes, draws, triggers
-from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
+from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
 from gmwm.base.axis_names import sensor_of
-from gmwm.base.errors import GmwmError
+from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import p_text, round_fixed
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
@@ -24,7 +20,8 @@ from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, inter
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
-from gmwm.theory.processes import registry
+from gmwm.theory.processes import Model, Process, registry
+from gmwm.theory.processes.parameter import Fixed
 
 
 def panel() -> list[Any]:
@@ -32,31 +29,26 @@ def panel() -> list[Any]:
     terms = {name: f"{name}: {kind.title}" for name, kind in registry.items()}
     return [
         html.Div(id="axes", className="chips", role="group", **{"aria-label": "Axis"}),
-        html.Div(
-            [
-                html.Div(id="terms", className="chips"),
-                menu("term", terms, next(iter(terms))),
-                button("Add", "add"),
-                html.Label("Model", htmlFor="model"),
-                text_input("model", "2*GM + WN + RW"),
-            ],
-            className="terms",
+        widgets.group(
+            "terms", html.Div(id="terms", className="chips"), widgets.menu("term", terms, next(iter(terms))),
+            widgets.button("Add", "add"), html.Label("Model", htmlFor="model"),
+            widgets.text_input("model", "2*GM + WN + RW"),
         ),
         html.P(id="error-model", className="error", role="alert"),
-        html.Div(
-            [button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")],
-            className="controls",
+        widgets.group(
+            "controls", widgets.button("Use for all axes of the sensor", "spread"),
+            widgets.button("Let gmwm choose", "choose"),
         ),
         html.Div(id="fit"),
         html.H2("Models compared"),
         html.Div(id="ranking"),
-    ]
+    ]  # fmt: skip
 
 
 def register(app: Dash, desk: Desk) -> None:
     """Register the callbacks of the tab."""
     for place, draw in (("axes", _axes), ("terms", _chips), ("fit", _fit), ("ranking", _ranking)):
-        draws(app, desk, tab="model", place=place, draw=draw)
+        widgets.draws(app, desk, tab="model", place=place, draw=draw)
 
     def text(data: Any, _: int, shown: str, page: str, before: Any) -> tuple[Any, Any]:
         session = desk.session(data)
@@ -77,7 +69,7 @@ def register(app: Dash, desk: Desk) -> None:
 
     def change(session: Session, *given: Any) -> Session | None:
         *_, typed, term, page = given
-        done = [trigger for trigger in triggers() if trigger[2]]
+        done = [trigger for trigger in widgets.triggers() if trigger[2]]
         for hit, change_of, value in done:
             # If the user leaves the field without a change, the recommended model does not become a chosen model.
             if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
@@ -92,7 +84,7 @@ def register(app: Dash, desk: Desk) -> None:
         Input("choose", "n_clicks"),
     ]  # fmt: skip
     states = [State("model", "value"), State("term", "value"), State("page", "data")]
-    changes(app, desk, inputs, change, states=states, errors=("model",))
+    widgets.changes(app, desk, inputs, change, states=states, errors=("model",))
 
 
 def _apply_change(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
@@ -173,24 +165,24 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(recording: Imu) -> list[Any]:
         return [
-            button(
+            widgets.button(
                 axis_title(axis), {"type": "axis", "axis": axis}, "chip axis",
                 **{"aria-pressed": str(axis == here).lower()},
             )
             for axis in recording.axes
         ]  # fmt: skip
 
-    return of_job(workspace.recording(session), show)
+    return widgets.of_job(workspace.recording(session), show)
 
 
 def _chips(session: Session, workspace: Workspace, width: float) -> Any:
     def show(fit: Fit) -> list[Any]:
         return [
-            button([term, html.Span(" ×")], {"type": "remove", "term": term}, "chip", title=f"Remove {term}")
+            widgets.button([term, html.Span(" ×")], {"type": "remove", "term": term}, "chip", title=f"Remove {term}")
             for term in fit.model.terms
         ]
 
-    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
+    return widgets.of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _fit(session: Session, workspace: Workspace, width: float) -> Any:
@@ -204,16 +196,16 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
             html.H2(f"{axis_title(axis)}: {chosen}"),
             html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
             html.P("Drag a coloured handle to fix its term there.", className="hint"),
-            graph(
+            widgets.graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),
-            graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
+            widgets.graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
             html.Div([_parameters(fit, session), _tests(fit)], className="beside"),
-            remarks(fit.remarks),
+            widgets.remarks(fit.remarks),
         ]
 
     comes = "the curve of the axis with its model, the parameters and the tests"
-    return of_job(workspace.fit(session, axis), show, comes=comes)
+    return widgets.of_job(workspace.fit(session, axis), show, comes=comes)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
@@ -236,12 +228,12 @@ def _parameters(fit: Fit, session: Session) -> Any:
         if held:
             name = {"type": "held", "parameter": row.name}
             value = html.Label(
-                [html.Span(f"Value of {row.name}", className="unseen"), text_input(name, "", row.estimate)]
+                [html.Span(f"Value of {row.name}", className="unseen"), widgets.text_input(name, "", row.estimate)]
             )
-        hold = button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
+        hold = widgets.button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
-    return table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
 
 
 def _tests(fit: Fit) -> Any:
@@ -268,10 +260,69 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
         for candidate in ranking.distinct[:12]:
             mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
             pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
-            use = button(
+            use = widgets.button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )
             listed.append([round_fixed(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
-        return [table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
+        return [widgets.table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
 
-    return of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")
+    return widgets.of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")
+
+
+def adding(model: str, term: str) -> str:
+    """Return a model with a term added.
+
+    >>> adding("GM + WN", "GM")
+    '2*GM + WN'
+    """
+    processes = (*Model.parse(model).processes, *Model.parse(term).processes)
+    names = [process.name for process in processes]
+    return str(Model(tuple(sorted(processes, key=lambda process: names.index(process.name)))))
+
+
+def removing(fit: Fit, term: str) -> str:
+    """Return the model of a fit without a term."""
+    remaining = tuple(process for name, process in _terms(fit).items() if name != term)
+    if not remaining:
+        raise OptionError(
+            "a model needs at least one term", argument="model", got=term, advice="Add another term first."
+        )
+    return str(Model(remaining))
+
+
+def holding(fit: Fit, parameter: str) -> str:
+    """Return the model of a fit with a parameter held fixed at its estimate. If it was held before, it becomes free."""
+    term, _, name = _parts(fit, parameter)
+    process = _terms(fit)[term]
+    value = None if process.is_fixed(name) else Fixed(fit.parameters[parameter])
+    return replacing(fit, term, process.with_values(**{name: value}))
+
+
+def held_at(fit: Fit, parameter: str, text: str) -> str:
+    """Return the model of a fit with a parameter held fixed at a given value."""
+    term, _, name = _parts(fit, parameter)
+    try:
+        value = float(text)
+    except ValueError:
+        raise OptionError(argument="model", expected=f"a number for {parameter}", got=text) from None
+    return replacing(fit, term, _terms(fit)[term].with_values(**{name: Fixed(value)}))
+
+
+def _parts(fit: Fit, parameter: str) -> tuple[str, str, str]:
+    """Divide the name of a parameter of a fit into term, point and name."""
+    if parameter not in fit.parameters:
+        raise OptionError(argument="model", expected=f"one of {', '.join(fit.parameters)}", got=parameter)
+    return parameter.rpartition(".")
+
+
+def replacing(fit: Fit, term: str, process: Process) -> str:
+    """Return the model of a fit with the process of a term replaced."""
+    return str(Model(tuple((_terms(fit) | {term: process}).values())))
+
+
+def _terms(fit: Fit) -> dict[str, Process]:
+    """Return the processes of a fit by term, with values for the held parameters only."""
+    return {
+        term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+    }
