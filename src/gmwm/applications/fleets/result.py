@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from gmwm.applications.fleets.statistics_result import FleetStatistics
 
 
-FILE = "fleet.json"
-"""Name of the file that marks the output folder of a fleet."""
+FILE = "fleet.json"  # name of the file that marks the output folder of a fleet
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
@@ -198,8 +197,7 @@ def _check_names(units: Mapping[str, Path]) -> None:
 
 
 FORMAT = "gmwm-fleet"
-VERSION = 1
-"""Version of fleet.json; gmwm reads no other. Adding a key does not change the version."""
+VERSION = 1  # Version of fleet.json; gmwm reads no other. Adding a key does not change the version.
 TABLE = "fleet.parquet"
 UNITS = "units"
 

@@ -189,8 +189,7 @@ def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[s
     return [f"{', '.join(symbols)} of {', '.join(names)}" for names, symbols in groups.items()]
 
 
-SIGNED = "R"
-"""Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms."""
+SIGNED = "R"  # Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,10 +93,8 @@ def _of_axis(found: AxisCalibration) -> Row:
 
 TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
 """Text columns that identify a row. The columns of the recording, the model and the parameters follow them."""
-LIMITS = ("", "_low", "_high", "_unit")
-"""Suffixes of the four columns of a parameter."""
-RUN_AGAIN = "Run the fleet again: finished units are not repeated."
-"""Advice for a run that was not completed."""
+LIMITS = ("", "_low", "_high", "_unit")  # suffixes of the four columns of a parameter
+RUN_AGAIN = "Run the fleet again: finished units are not repeated."  # advice for a run that was not completed
 
 
 def as_table(rows: Iterable[Row]) -> DataFrame:
@@ -144,8 +142,7 @@ def read_table(path: Path) -> DataFrame:
     return table
 
 
-PART = "fleet"
-"""Key of the size and time of the recording, options and table rows in the document of a unit."""
+PART = "fleet"  # key of the size and time of the recording, options and table rows in the document of a unit
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
 """Error numbers of the operating system for which a retry is useless."""
 # All threads of a process share Python's warning filters, and a worker may have several threads.

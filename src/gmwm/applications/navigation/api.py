@@ -39,10 +39,8 @@ from gmwm.theory.processes.ladder import approximation_remarks, start_at_zero
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.statespace import StateSpace
 
-EARTH_RADIUS_M = 6.371e6
-"""Mean radius of the Earth (m)."""
-EARTH_RATE = 7.292115e-5
-"""Rotation rate of the Earth (rad/s), WGS 84."""
+EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth (m)
+EARTH_RATE = 7.292115e-5  # rotation rate of the Earth (rad/s), WGS 84
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +101,10 @@ def mean_squares(
     from levelling, and all errors without a rest, are those since a known bias: all noise except oscillations is zero
     at the start. `gain` is that of the filter that estimates the bias in the rest."""
     if not rest:
-        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, (0, gain))
-    squares = _mean_squares(process.state_space(rate), rate, motion, steps, (rest, gain))
+        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest_and_gain=(0, gain))
+    squares = _mean_squares(process.state_space(rate), rate, motion, steps, rest_and_gain=(rest, gain))
     if np.any(motion.at_start):
-        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, (rest, gain))
+        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest_and_gain=(rest, gain))
         squares[:, :3] = known[:, :3]
     return squares
 
@@ -287,10 +285,8 @@ def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, 
     return present
 
 
-GRAVITY = STANDARD_GRAVITY
-"""Default gravity (m/s²)."""
-LATITUDE = 45.0
-"""Default latitude (deg)."""
+GRAVITY = STANDARD_GRAVITY  # default gravity (m/s²)
+LATITUDE = 45.0  # default latitude (deg)
 REST_S = 60.0
 """Default time at rest before navigation (s), after which most filters know the biases (docs/howto/budget.md)."""
 _DEGREE = math.pi / 180

@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 
-BLOCK_SAMPLES = 256
-"""Number of consecutive samples that are filtered by one matrix product."""
+BLOCK_SAMPLES = 256  # number of consecutive samples that are filtered by one matrix product
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,8 +221,7 @@ def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
     return (p + p.T) / 2
 
 
-ALONE = "virtual"
-"""Name of the axis if the names of the signals do not state one."""
+ALONE = "virtual"  # name of the axis if the names of the signals do not state one
 _MEMBER = re.compile(r"(?P<axis>.+?)\s*\[(?P<unit>[^\]]+)\]")
 _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to signals"
 

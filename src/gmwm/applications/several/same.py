@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 
-SMALLEST_PVALUE = 1e-300
-"""Smallest p-value that is shown, so that no text states p = 0."""
+SMALLEST_PVALUE = 1e-300  # smallest p-value that is shown, so that no text states p = 0
 
 
 @dataclass(frozen=True, kw_only=True)
