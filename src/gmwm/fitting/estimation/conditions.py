@@ -148,8 +148,10 @@ class Stack:
     def offset(self) -> Vector:
         """Wavelet variances of the processes without a free parameter, at all levels."""
         _, _, held = by_kind(self.model)
-        curves = [self.each(partial(_curve, self.model.processes[place])) for place in held]
-        return np.sum(curves, axis=0) if curves else np.zeros(self.levels.size)
+        if not held:
+            return np.zeros(self.levels.size)
+        known = Model(tuple(self.model.processes[place] for place in held))
+        return self.each(lambda _, wv: known.wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     def parts(self, solution: Solution) -> list[list[Model]]:
         """Return, for each part of each curve, the model with the values of a solution."""
@@ -255,11 +257,6 @@ class SolvedStack:
         return self.stack.covariance(self.solution)
 
 
-def _curve(process: Process, _: int, wv: WaveletVariance) -> Vector:
-    """Return the wavelet variance of a process at the levels of a curve."""
-    return process.wavelet_variance(wv.levels, wv.rate, wv.filter)
-
-
 def _shape(process: Process, theta: Matrix, _: int, wv: WaveletVariance) -> Vector:
     """Return the wavelet variance of a process with the shape `theta` (1, q) and the scale 1 at the levels of a
     curve."""
@@ -271,9 +268,9 @@ def _shape_slope(process: Process, theta: Matrix, k: int, _: int, wv: WaveletVar
     return np.asarray(process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k])
 
 
-def _condition(u: NDArray[np.float64], s: int, wv: WaveletVariance) -> Vector:
-    """Return the mean condition u of curve s at each of its levels."""
-    return np.asarray(np.mean(u[s], axis=1)[_parts_of(wv, u.shape[1])])
+def _condition(u: Matrix, s: int, wv: WaveletVariance) -> Vector:
+    """Return the mean condition `u` (S, J) of curve s at each of its levels."""
+    return np.asarray(u[s, _parts_of(wv, u.shape[1])])
 
 
 def _parts_of(wv: WaveletVariance, count: int) -> NDArray[np.int64]:
@@ -309,9 +306,7 @@ def fit_conditions(
     solved = _settle(replace(stack, model=_linked(model, follows), follows=follows), weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
     change = _no_change(solved, model, weighting) if factors or follows else None
-    estimates = _estimates(solved, functions)
-    for place, follow in solved.stack.follows.items():
-        estimates |= _link_estimates(model.terms[place], follow, solved, middle=middle, half=half)
+    estimates = _estimates(solved, functions, np.array([[1.0, -middle / half], [0.0, 1 / half]]))
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
         models=dict(zip(curves, solved.stack.models(solved.solution), strict=True)), estimates=estimates,
@@ -420,25 +415,9 @@ def _search(stack: Stack, matrix: Matrix) -> Stack:
     return at(min(ends, key=objective))
 
 
-def _link_estimates(
-    term: str, follow: Follows, solved: SolvedStack, *, middle: float, half: float
-) -> dict[str, Estimate]:  # fmt: skip
-    """Return the coefficients a and b of a link per unit of the condition, with standard errors."""
-    names, columns = solved.stack.slopes(solved.solution)
-    spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
-    places = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
-    turn = np.array([[1.0, -middle / half], [0.0, 1 / half]])
-    values = turn @ [follow.a, follow.b]
-    block = spread[np.ix_(places, places)]  # infinite if the term is zero
-    errors = np.sqrt(np.diag(turn @ block @ turn.T)) if np.all(np.isfinite(block)) else np.full(2, math.inf)
-    return {
-        f"{term}.{follow.link.name} ({name})": Estimate(float(value), float(error), signed=True)
-        for name, value, error in zip("ab", values, errors, strict=True)
-    }
-
-
-def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
-    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
+def _estimates(solved: SolvedStack, functions: Mapping[str, Varies], turn: Matrix) -> dict[str, Estimate]:
+    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula. `turn`
+    (2, 2) gives the coefficients of a link per unit of the condition from those of the scaled condition."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
@@ -448,7 +427,7 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
     estimates = {}
     for k, (place, which) in enumerate(names):
         if which in ("a", "b"):
-            continue  # `_link_estimates` has these
+            continue  # both together below
         label, process = stack.model.terms[place], stack.model.processes[place]
         scale = process.scale_parameter()
         power = scale.scale_power or 1.0
@@ -472,6 +451,13 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
         if term.scale == 0:
             process = stack.model.processes[place]
             estimates[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
+    for place, follow in stack.follows.items():
+        pair = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
+        block, label = spread[np.ix_(pair, pair)], f"{stack.model.terms[place]}.{follow.link.name}"
+        # The covariance is infinite if the term is zero.
+        errors = np.sqrt(np.diag(turn @ block @ turn.T)) if np.all(np.isfinite(block)) else np.full(2, math.inf)
+        for name, number, error in zip("ab", turn @ [follow.a, follow.b], errors, strict=True):
+            estimates[f"{label} ({name})"] = Estimate(float(number), float(error), signed=True)
     return estimates
 
 
@@ -502,7 +488,7 @@ def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
     for place, follow in short.follows.items():
         if (place, follow.link.name) in names:
             slope = slopes[:, names.index((place, follow.link.name))]
-            columns.append(np.asarray(slope * short.each(partial(_condition, follow.u))))
+            columns.append(np.asarray(slope * short.each(partial(_condition, np.mean(follow.u, axis=2)))))
     if not columns:
         return 1.0  # the term whose shape could change is zero
     total, rank = _misfit(constant)
