@@ -75,7 +75,8 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
         if row.axis != axis or not _is_shown(found, row):
             continue
         cells = ["" if models[k] is None else _cell(found, row, k) for k in part]
-        rows.append([f"{row.symbol} ({_unit(row)})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
+        unit = next(entry.in_units("datasheet")[3] for entry in row.entries if entry is not None)
+        rows.append([f"{row.symbol} ({unit})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
     return rows
 
 
@@ -110,10 +111,6 @@ def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
     if entry is not None:
         return number(entry)
     return _NONE if found.models[row.axis][k] is not None else _why_absent(found, row.axis, k)
-
-
-def _unit(row: SharedNumber) -> str:
-    return next(entry.in_units("datasheet")[3] for entry in row.entries if entry is not None)
 
 
 def _legend(found: Agreement) -> str:

@@ -93,13 +93,12 @@ class SearchStep(Documented):
         """Return the step as two or three sentences."""
         pvalue = self.bound if self.recommended is None else self.pvalue
         reason = EXIT_TEXTS[self.left].format(
-            model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=REJECTED
+            model=self.recommended,
+            p=" (too few scales for a test)" if pvalue is None else f" (p {p_relation(pvalue)})",
+            error=100 * self.model_error,
+            level=REJECTED,
         )
         return round_fixed(f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}")
-
-
-def _in_brackets(pvalue: float | None) -> str:
-    return " (too few scales for a test)" if pvalue is None else f" (p {p_relation(pvalue)})"
 
 
 def search_lines(steps: Iterable[SearchStep], width: int) -> Iterator[str]:
