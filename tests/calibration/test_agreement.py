@@ -13,7 +13,7 @@ from gmwm import agree
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.choosing.datasheets import Datasheet, Entry
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from tests.helpers import code_of, codes, only, raises
 
 TRUTH = {

@@ -20,7 +20,7 @@ from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
 from gmwm.choosing.selection.structure import slow_terms
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
 from gmwm.theory.processes.model import Model

@@ -14,7 +14,7 @@ from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
 from gmwm.calibration.tables import bullet, key, number, wrap_text
 from gmwm.choosing.datasheets import Entry
-from gmwm.files.importers.quantities import Reference
+from gmwm.files.importers.values import Reference
 from gmwm.measuring.variance.allan_regression import LAWS
 
 _NONE = "–"

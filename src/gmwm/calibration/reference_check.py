@@ -19,7 +19,7 @@ from gmwm.calibration.number_verdicts import Usability
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -14,7 +14,7 @@ from gmwm.cli.command import command
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, calibration_file, plot_file, progress
 from gmwm.cli.read_options import names_of
-from gmwm.files.importers.quantities import parse_reference
+from gmwm.files.importers.values import parse_reference
 
 if TYPE_CHECKING:
     from gmwm import Calibration

@@ -14,8 +14,8 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.options import InputOption
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:

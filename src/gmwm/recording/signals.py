@@ -362,7 +362,7 @@ class Imu(Plotted, Tabular):
         >>> Imu.from_arrays(clock)
         Imu(gyro_x: 8 samples at 50 Hz, 0.16 s)
         """
-        from gmwm.files.readers.frames import is_table, read_table
+        from gmwm.files.readers.api import is_table, read_table
 
         if is_table(arrays) and not segments:
             return read_table(arrays, rate, units, source)

@@ -30,11 +30,10 @@ from gmwm.files.formats import bag_mcap, bag_ros1, bag_sqlite
 from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bag_ros1 import Ros1Storage
 from gmwm.files.formats.bag_sqlite import SqliteStorage
-from gmwm.files.formats.bag_types import IMU, definition
 from gmwm.files.formats.bagfiles import Batch, Storage, Topic, decompress_messages, merge_topics
 from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
-from gmwm.files.formats.cdr import Decoder, Definition
-from gmwm.files.formats.json_types import JsonDecoder, JsonType
+from gmwm.files.formats.cdr import IMU, Decoder, Definition, definition
+from gmwm.files.formats.records import JsonDecoder, JsonType
 
 LOG_TIME = "log_time"
 """Name of the channel with the time at which a message was recorded."""

@@ -21,9 +21,8 @@ from gmwm.files.columns.column_names import named_unit, recognise, role_of, unit
 from gmwm.files.columns.known_tables import known_table, names_by_file, stated_scales
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource, recoded, text_encoding
-from gmwm.files.formats.decimals import is_number
 from gmwm.files.formats.dialect import Commas, TextDialect, detect, sensor_word, split_line
-from gmwm.files.formats.line_forms import WEEK
+from gmwm.files.formats.line_forms import WEEK, is_number
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20

@@ -17,8 +17,7 @@ from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.text import TextReader, text_reader
-from gmwm.files.readers.interpretation import require_time, understand
-from gmwm.files.readers.reading_warnings import warn
+from gmwm.files.readers.interpretation import require_time, understand, warn
 from gmwm.files.readers.streams import Stream, first_rows
 from gmwm.recording.options import ReadOptions
 

@@ -34,7 +34,7 @@ from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
-from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.files.importers.values import as_reference, parse_reference
 from gmwm.showing.reports.figures import sensor_panel
 from gmwm.showing.reports.filter_tables import filter_tables
 from gmwm.showing.reports.verdict import state_of

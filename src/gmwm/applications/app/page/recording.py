@@ -29,8 +29,8 @@ from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import duration_text
 from gmwm.base.units import unit_names
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.measuring.inspection import Inspection
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
