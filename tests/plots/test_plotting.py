@@ -7,7 +7,7 @@ from importlib import metadata
 import pytest
 
 import gmwm
-from gmwm.base import guests, plotting
+from gmwm.base import extras, plotting
 from gmwm.base.differences import DifferenceTests
 from tests.helpers import raises
 from tests.test_house import modules
@@ -32,9 +32,9 @@ def plot_histogram(histogram, *, colour="black"):
 def registry(monkeypatch):
     """A copy of the registry, which another package has not changed."""
     monkeypatch.setattr(plotting, "_functions", dict(plotting._functions))
-    guests.admit_guests.cache_clear()
+    extras.admit_guests.cache_clear()
     yield
-    guests.admit_guests.cache_clear()
+    extras.admit_guests.cache_clear()
 
 
 def results():
@@ -80,7 +80,7 @@ def test_another_package_registers_a_function():
 def test_an_entry_point_registers_a_function(monkeypatch):
     group = "gmwm.plots"
     entry = metadata.EntryPoint(f"{__name__}.Histogram", f"{__name__}:plot_histogram", group)
-    monkeypatch.setattr(guests, "entry_points", lambda *, group: [entry] if group == entry.group else [])
+    monkeypatch.setattr(extras, "entry_points", lambda *, group: [entry] if group == entry.group else [])
     monkeypatch.setitem(sys.modules, __name__, inspect.getmodule(plot_histogram))
     assert Histogram().plot() == "8 samples in black"
 

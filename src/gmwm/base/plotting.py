@@ -9,7 +9,7 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure

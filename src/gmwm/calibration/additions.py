@@ -7,7 +7,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 
 if TYPE_CHECKING:

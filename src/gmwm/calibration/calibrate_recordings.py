@@ -44,7 +44,7 @@ from gmwm.recording.batches import Streamed
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW
 
 if TYPE_CHECKING:
     from distributed import Client

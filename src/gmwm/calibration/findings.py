@@ -26,7 +26,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration

@@ -18,7 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.helpers import end_helpers
 from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line

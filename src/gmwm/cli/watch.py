@@ -16,12 +16,11 @@ import typer
 from gmwm.base.durations import parse_length, parse_share
 from gmwm.base.errors import FitWarning, GmwmError, OptionError
 from gmwm.base.remarks import Remark
-from gmwm.cli.command import command
+from gmwm.cli.command import command, with_settings
 from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Mount, Rate, ReadOptionTexts, Scale, Units, chosen_names
-from gmwm.cli.settings import with_settings
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, TypeVar
 from numpy.typing import NDArray
 
 from gmwm.base.errors import OptionError, ReadCode, ReadError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.base.text import defined_anew
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.base.atomic_files import written_whole
 from gmwm.base.errors import ReadError
-from gmwm.base.forks import require_threads
 from gmwm.base.remarks import Severity
 from gmwm.base.text import printable
+from gmwm.base.threads import require_threads
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.tables import in_order
 

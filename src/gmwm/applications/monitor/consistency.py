@@ -34,8 +34,7 @@ from gmwm.showing.exporters.reduction import AxisNoise, Number
 from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW, WN
 
 FilterName = Literal["N, K", "N, sigma, T", "model"]
 

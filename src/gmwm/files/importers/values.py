@@ -16,9 +16,8 @@ from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, noise
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import DR, QN, RW, WN
 from gmwm.theory.processes.power import FN
-from gmwm.theory.processes.walk import DR, RW
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 """Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import as_record
 from gmwm.recording import autocorrelation as pairs
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal

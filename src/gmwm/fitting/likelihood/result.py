@@ -18,7 +18,7 @@ from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.asymptotic import why_no_error
-from gmwm.fitting.likelihood.record import Record
+from gmwm.fitting.likelihood.problem import Record
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.api import wavelet_variance as measure
 from gmwm.measuring.variance.result import WaveletVariance

@@ -17,8 +17,7 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.plotting import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
-from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_mean, nothing_to_chance
-from gmwm.fitting.likelihood.record import Record, as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, Record, as_mean, as_record, nothing_to_chance
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import LEVEL, System, assemble
 from gmwm.recording.options import as_confidence, as_whole_number

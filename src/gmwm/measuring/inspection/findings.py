@@ -13,13 +13,11 @@ from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
+    from gmwm.measuring.inspection.axis_statistics import Motion
     from gmwm.measuring.inspection.knocks import Knock, Step
-    from gmwm.measuring.inspection.motion import Motion
     from gmwm.measuring.inspection.result import AxisInspection, Inspection
-    from gmwm.measuring.inspection.saturation import Saturation
-    from gmwm.measuring.inspection.swings import Swing
-    from gmwm.measuring.inspection.time_grid import Extent
-    from gmwm.measuring.inspection.trends import Trend
+    from gmwm.measuring.inspection.time_grid import Extent, Saturation
+    from gmwm.measuring.inspection.trends import Swing, Trend
     from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0

@@ -12,9 +12,8 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
-from gmwm.measuring.inspection.swings import best_swing
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import FEWEST, TrendTest, longest_means
+from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
 from gmwm.measuring.inspection.wander import Likelihood
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.measuring.spectrum.level import flanks, p_values
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
+from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, flanks, lorentz_fit, measured_line, p_values
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 
 if TYPE_CHECKING:

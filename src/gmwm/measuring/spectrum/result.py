@@ -19,8 +19,7 @@ from gmwm.base.plotting import Plotted
 from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults
 from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.spectrum.level import pooled_freedom
-from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.spectrum.line import Bump, Line, pooled_freedom
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 from gmwm.recording.options import as_confidence, as_whole_number
 

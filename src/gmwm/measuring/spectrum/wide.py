@@ -11,8 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
+from gmwm.measuring.spectrum.line import (
+    LEAST_QUALITY,
+    Bump,
+    Line,
+    flanks,
+    lorentz_fit,
+    measured_line,
+    p_values,
+    pooled_freedom,
+)
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
 
 if TYPE_CHECKING:

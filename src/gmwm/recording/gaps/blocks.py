@@ -20,7 +20,7 @@ from gmwm.base.time_base import lost_before
 from gmwm.recording.batches import Batch, end_to_end, join_batches
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
-from gmwm.recording.gaps.restarts import restarts
+from gmwm.recording.gaps.gaps import restarts
 from gmwm.recording.signals import Signal
 
 

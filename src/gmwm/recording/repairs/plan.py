@@ -11,11 +11,8 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import sensor_of
 from gmwm.recording.batches import Batch
-from gmwm.recording.repairs.levels import TwoLevels, two_levels_of
-from gmwm.recording.repairs.repeats import Repeats, repeats_of
-from gmwm.recording.repairs.resampled import slower_rate
-from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
-from gmwm.recording.repairs.wraps import modulus_of, unwrapped
+from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
+from gmwm.recording.repairs.repeats import Indices, Mask, Repeats, in_long_runs, offsets, repeats, repeats_of, straight
 from gmwm.recording.resolution import count_of, step_of
 
 _BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels", "resampled")

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity

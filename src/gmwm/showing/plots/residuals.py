@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.fitting.likelihood.correlations import as_lags, autocorrelation, pair_factors
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.tracks import Modelled
 from gmwm.recording.autocorrelation import observed_pairs
 from gmwm.recording.signals import Signal

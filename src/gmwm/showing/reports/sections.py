@@ -8,7 +8,7 @@ from functools import cache
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
