@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.applications.navigation import Budget, budget
-from gmwm.applications.navigation.response import EARTH_RADIUS_M, mean_squares, navigation
+from gmwm.applications.navigation.api import EARTH_RADIUS_M, mean_squares, navigation
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.theory.processes import Model

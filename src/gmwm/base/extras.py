@@ -1,4 +1,4 @@
-"""Libraries that the extras of gmwm install, such as Matplotlib for plots, and what other packages add by entry points."""
+"""Libraries that the extras of gmwm install, such as Matplotlib, and what other packages add by entry points."""
 
 from __future__ import annotations
 

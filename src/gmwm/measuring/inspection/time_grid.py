@@ -1,4 +1,4 @@
-"""Segments of a recording, their times, windows of equal length, and outputs that are clipped at the end of the range."""
+"""Segments of a recording, their times, windows of equal length, and outputs clipped at the end of the range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""White noise, quantization noise, random walk and drift. docs/contributing/add-a-process.md explains how to add one."""
+"""White and quantization noise, random walk and drift. docs/contributing/add-a-process.md explains how to add one."""
 
 from __future__ import annotations
 
