@@ -11,8 +11,8 @@ import numpy as np
 
 import gmwm
 from gmwm.applications.app.session import Session
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, GmwmWarning
+from gmwm.base.time_base import parse_length
 from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
 from gmwm.files.importers import given_noise

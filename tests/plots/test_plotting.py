@@ -7,8 +7,8 @@ from importlib import metadata
 import pytest
 
 import gmwm
-from gmwm.base import extras, plotting
-from gmwm.base.differences import DifferenceTests
+from gmwm.base import extras, results
+from gmwm.base.results import DifferenceTests
 from tests.helpers import raises
 from tests.test_house import modules
 
@@ -31,7 +31,7 @@ def plot_histogram(histogram, *, colour="black"):
 @pytest.fixture
 def registry(monkeypatch):
     """A copy of the registry, which another package has not changed."""
-    monkeypatch.setattr(plotting, "_functions", dict(plotting._functions))
+    monkeypatch.setattr(results, "_functions", dict(results._functions))
     extras.admit_guests.cache_clear()
     yield
     extras.admit_guests.cache_clear()
@@ -46,7 +46,7 @@ def results():
         pending += (children := pending.pop().__subclasses__())
         classes += children
     # The example of `register` defines a class too.
-    ours = [kind for kind in classes if kind.__module__.startswith("gmwm.") and kind.__module__ != plotting.__name__]
+    ours = [kind for kind in classes if kind.__module__.startswith("gmwm.") and kind.__module__ != results.__name__]
     return [kind for kind in ours if not any(issubclass(other, kind) for other in ours if other is not kind)]
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, GmwmError, OptionError, ReadError
+from gmwm.base.units import AXES
 from gmwm.files.formats import ulog as ulog_module
 from gmwm.files.formats.ulog import UlogReader
 from gmwm.files.readers import find_reader, read

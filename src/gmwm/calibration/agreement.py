@@ -11,9 +11,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.statistics import holm
+from gmwm.base.units import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.units import SI_UNIT, find_unit
+from gmwm.base.units import SI_UNIT, find_unit, sensor_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.variance.result import WaveletVariance

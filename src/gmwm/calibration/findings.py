@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import MissingTheoryError
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, round_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import ModelError, OptionError, ReadError
+from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight

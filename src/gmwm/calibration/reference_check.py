@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Literal
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, round_text, table_with_rule
-from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
+from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import wrap_text
 from gmwm.choosing.datasheets import Entry, effective_noise

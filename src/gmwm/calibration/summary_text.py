@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
 from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
+from gmwm.base.units import by_sensor
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.applications.navigation import LATITUDE
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
+from gmwm.cli.model_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, file_names, plot_file
 

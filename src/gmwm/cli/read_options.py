@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.options import InputOption
 from gmwm.files.columns.axis_units import parse_scale

@@ -15,11 +15,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 
 PREFIX = "imu:"
 """Prefix of a type in the `format` option."""

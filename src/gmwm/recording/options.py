@@ -10,9 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import as_rate
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.units import LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
+from gmwm.base.units import AXES, LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 from gmwm.recording.time_ranges import kept_ranges
 
 Gaps = Literal["keep", "longest"]

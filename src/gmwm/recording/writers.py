@@ -16,9 +16,9 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.atomic_files import written_whole
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import require_threads
+from gmwm.base.units import AXES
 from gmwm.recording.imu_records import TYPES, RecordType, counts
 from gmwm.recording.signals import Imu, Signal
 

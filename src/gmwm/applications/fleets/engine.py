@@ -33,13 +33,12 @@ from gmwm.applications.fleets.unit_job import (
     write_table,
 )
 from gmwm.applications.fleets.workers import Cluster, Here, Processes, WorkPlace, allowing_lost_workers, run_jobs
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress, reported, warn
 from gmwm.base.threads import processors
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.files.readers import find_reader
 from gmwm.measuring.regression.against import AUTO

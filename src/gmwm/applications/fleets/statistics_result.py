@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from gmwm.applications.fleets.summary_text import statistics_text
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.axis_names import sensor_of
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.random_effects import effects
 from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import effects
+from gmwm.base.units import sensor_of
 
 if TYPE_CHECKING:
     import polars

@@ -19,7 +19,8 @@ from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.results import Plotted, register
+from gmwm.base.statistics import autocorrelation
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
@@ -27,7 +28,6 @@ from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use, effective
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
-from gmwm.recording.autocorrelation import autocorrelation
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases

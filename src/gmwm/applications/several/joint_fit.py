@@ -32,8 +32,8 @@ from gmwm.applications.several.state_space import JointContinuousStateSpace, Joi
 from gmwm.base.arrays import Matrix
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.recording.options import as_confidence

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
 
 if TYPE_CHECKING:

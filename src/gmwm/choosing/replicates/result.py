@@ -12,11 +12,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from gmwm.base.differences import Difference
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import GmwmError
-from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Difference
+from gmwm.base.statistics import effects, prediction_limits, spread_limits
 from gmwm.base.text import TEXT_WIDTH, list_text, p_relation, round_text, table_with_rule
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.datasheets.entry import significant

@@ -14,11 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
+from gmwm.base.units import (
+    SI_UNIT,
+    STANDARD_GRAVITY,
+    TIME_UNITS,
+    Quantity,
+    Unit,
+    axis_quantity,
+    find_unit,
+    parse_unit,
+    unit_names,
+)
 from gmwm.files.clock.text_stamps import UNIT as STAMPS
 from gmwm.files.clock.text_stamps import form_remark, holds_stamps
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of, unknown_unit

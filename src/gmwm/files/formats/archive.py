@@ -16,9 +16,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES, axis_quantity
 from gmwm.files.columns.column_names import named_unit, role_of
 from gmwm.files.contract import HEAD_BYTES, Layout, Reader, Rows, register
 from gmwm.files.formats.byte_sources import (

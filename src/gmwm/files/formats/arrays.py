@@ -17,10 +17,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.base.units import find_unit
+from gmwm.base.units import AXES, find_unit
 from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 

@@ -20,9 +20,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES
 from gmwm.files.contract import Layout, damage_error, register
 from gmwm.files.formats.arrays import (
     MAX_ARRAYS,

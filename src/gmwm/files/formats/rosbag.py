@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES
 from gmwm.files.columns.column_names import recognise
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
 from gmwm.files.formats import bag_mcap, bag_ros1, bag_sqlite

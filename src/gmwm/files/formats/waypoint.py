@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import GmwmWarning, ReadError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.reporting import warn
 from gmwm.base.text import counted
-from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.base.units import AXES, STANDARD_GRAVITY, axis_quantity
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, damage_error, register
 from gmwm.recording.imu_records import TYPES, RecordType, record
 

@@ -9,10 +9,9 @@ import re
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from gmwm.base.axis_names import AXES
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import ModelError, OptionError, UnitError
-from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, spelt
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import AXES, SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, spelt
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model

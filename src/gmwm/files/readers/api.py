@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError, ReadError
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import rows_between
 from gmwm.files.columns.axis_units import time_unit
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of

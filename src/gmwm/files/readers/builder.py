@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, beyond_sensors
+from gmwm.base.units import SI_UNIT, axis_quantity, beyond_sensors
 from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from gmwm.base import reporting
 from gmwm.base.arrays import Vector, as_rate
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, GmwmWarning, InferredUnitWarning, ReadError, TimeBaseWarning
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift, sparse_axes, values_of_axes
 from gmwm.files.clock.running_clock import Pace

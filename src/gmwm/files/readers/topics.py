@@ -18,10 +18,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text, printable
+from gmwm.base.units import AXES
 from gmwm.files.clock.lost_samples import CUT
 from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 

@@ -15,7 +15,7 @@ from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.variable_projection import Coordinates, ShapePoint, Surface
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.filters import find_filter

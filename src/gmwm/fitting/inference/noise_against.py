@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.fitting.estimation import fit
 from gmwm.fitting.estimation.moving_condition import condition_of

@@ -15,8 +15,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
+from gmwm.base.results import Plotted
 from gmwm.base.text import Named, Summarised, align, counted, duration_text
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose

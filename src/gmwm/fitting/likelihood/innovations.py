@@ -21,14 +21,14 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import FitWarning, OptionError
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
+from gmwm.base.statistics import autocorrelation, observed_pairs
 from gmwm.base.text import Summarised, align
 from gmwm.fitting.likelihood.estimator import fit_ml
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record, standardise
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import assemble
 from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
-from gmwm.recording.autocorrelation import autocorrelation, observed_pairs
 from gmwm.recording.options import as_confidence, as_whole_number
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process

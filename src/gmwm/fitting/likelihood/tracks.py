@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, Record, as_mean, as_record, nothing_to_chance

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, with_article
 from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.measuring.variance.allan import allan_variance

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import sensor_of
+from gmwm.base.units import sensor_of
 from gmwm.recording.batches import Batch
 from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
 from gmwm.recording.repairs.repeats import Indices, Mask, Repeats, in_long_runs, offsets, repeats, repeats_of, straight

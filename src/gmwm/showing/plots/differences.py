@@ -8,8 +8,8 @@ import os
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
+from gmwm.base.results import Difference, DifferenceTests
 from gmwm.showing.plots.axes import limits_of, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Tick, drawing
 from gmwm.showing.plots.style import BLACK, GREY, VERMILLION

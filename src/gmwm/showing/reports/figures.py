@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
+from gmwm.base.units import by_sensor
 from gmwm.showing.plots.curves import Item, overlay_panel, plot_recordings
 from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick, description
 from gmwm.showing.plots.fit import fit_panel

@@ -14,11 +14,10 @@ from typing import Any, Literal, TypeVar, overload
 import numpy as np
 
 from gmwm.base.arrays import Vector, as_rate
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, GmwmError, ModelError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.base.results import Plotted
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY, axis_quantity
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.writers import write_table
