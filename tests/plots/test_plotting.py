@@ -37,7 +37,7 @@ def registry(monkeypatch):
     extras.admit_guests.cache_clear()
 
 
-def results():
+def result_classes():
     """Classes of gmwm that inherit from `Plotted`; the bases of results are no results."""
     for name in modules():
         __import__(name)
@@ -52,7 +52,7 @@ def results():
 
 @pytest.mark.slow
 def test_every_result_has_a_plot_and_every_registered_type_exists():
-    classes = results()
+    classes = result_classes()
     assert {gmwm.Fit, gmwm.Signal, gmwm.Calibration} <= set(classes)
     for kind in classes:
         assert kind.plot.__doc__.startswith("Draw "), kind
