@@ -24,14 +24,14 @@ from gmwm.base.statistics import autocorrelation
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
-from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use, effective_noise
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, TRUE_CLAIM, Use, effective_noise
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases
-from gmwm.showing.exporters.quality import TIMES, TRUE
+from gmwm.showing.exporters.quality import TIMES
 from gmwm.showing.exporters.reduction import AxisNoise, Number
 from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
@@ -85,7 +85,7 @@ class PredictionError:
     @property
     def verdict(self) -> str:
         """ "consistent", "overconfident" (claims less than its error), "cautious" (claims more) or "undecided"."""
-        least, most = TRUE
+        least, most = TRUE_CLAIM
         if self.ratio < least and self.high < 1:
             return "overconfident"
         if self.ratio > most and self.low > 1:

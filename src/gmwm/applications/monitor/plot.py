@@ -11,7 +11,7 @@ import numpy as np
 from gmwm.applications.monitor import Event, Trace
 from gmwm.base.errors import DataError
 from gmwm.base.units import AXES, SI_UNIT, axis_quantity
-from gmwm.showing.exporters.quality import TRUE
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
@@ -90,7 +90,7 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
     ).T
     claimed, real = view.factor * claimed, view.factor * real
-    least, most = TRUE
+    least, most = TRUE_CLAIM
     marks: list[Mark] = [
         Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
         Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
@@ -26,6 +27,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import parse_length
 from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY
 from gmwm.choosing.datasheets.bias import FitCurve
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, variance_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
@@ -47,8 +49,8 @@ class Response:
 
     a: Matrix  # (q, q) system matrix, in 1/s
     drive: Vector  # (q,) effect of e on the derivative of each error
-    at_start: Vector  # (q,) errors n at the start per unit of the mean of e over the rest before
-    removed: bool  # whether the mean over the rest is subtracted from the sensor
+    at_start: Vector  # (q,) errors n at the start per unit of the bias e that the rest before gives
+    removed: bool  # whether this bias is subtracted from the sensor
 
     def step(self, dt: float) -> tuple[Matrix, Vector]:
         """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
@@ -93,25 +95,34 @@ def _cross_matrix(v: Vector) -> Matrix:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def mean_squares(process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0) -> Matrix:
+def mean_squares(
+    process: Process, rate: float, motion: Response, steps: Sequence[int], *, rest: int = 0, gain: float = 0.0
+) -> Matrix:
     """Return the mean squares (T, q) of the errors that a process causes after each number of samples, in ascending
-    order. Stationary processes start in their stationary distribution. Random walks start at zero, and so does flicker
-    noise if there is no rest. After a rest whose mean is removed, the time at which flicker noise starts has no effect,
-    except on the tilt from levelling. For this tilt, it is assumed to start at zero at the beginning of the rest."""
-    if rest and process.approximate and not process.stationary:
-        old = _mean_squares(process.state_space(rate), rate, motion, steps, rest=rest)
-        if np.any(motion.at_start):
-            old[:, :3] = _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest=rest)[:, :3]
-        return old
-    return _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest=rest)
+    order. After a rest, the noise is old: its start has no effect on a sensor whose estimated bias is removed. The tilt
+    from levelling, and all errors without a rest, are those since a known bias: all noise except oscillations is zero
+    at the start. `gain` is that of the filter that estimates the bias in the rest."""
+    if not rest:
+        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, (0, gain))
+    squares = _mean_squares(process.state_space(rate), rate, motion, steps, (rest, gain))
+    if np.any(motion.at_start):
+        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, (rest, gain))
+        squares[:, :3] = known[:, :3]
+    return squares
 
 
-def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, rest: int) -> Matrix:
+def _mean_squares(
+    space: StateSpace, rate: float, motion: Response, steps: Sequence[int], rest_and_gain: tuple[int, float]
+) -> Matrix:
     p, q = space.states, motion.drive.size
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
+    rest, gain = rest_and_gain
     if rest:
-        moment = _Powers(*_resting(space, rest, q)).after(moment, rest)
+        # The gain of a filter that starts without a bias is 1/k until its time constant, and constant after it.
+        first = min(rest, max(1, round(1 / gain))) if gain > 0 else rest
+        moment = _Powers(*_resting(space, 1 / first, 1.0, q)).after(moment, first)
+        moment = _Powers(*_resting(space, gain, 1 - gain, q)).after(moment, rest - first)
         turn = np.eye(p + 1 + q)
         turn[p + 1 :, p] = motion.at_start
         moment = turn @ moment @ turn.T
@@ -123,13 +134,13 @@ def _mean_squares(space: StateSpace, rate: float, motion: Response, steps: Seque
     return np.maximum(squares, 0.0)
 
 
-def _resting(space: StateSpace, rest: int, q: int) -> tuple[Matrix, Matrix]:
+def _resting(space: StateSpace, gain: float, keep: float, q: int) -> tuple[Matrix, Matrix]:
     """Return the transition matrix and noise covariance of (x, m, n) for one sample of the rest. x are the states of
-    the process, m is its mean over the rest so far, and n are the q navigation errors, still zero."""
+    the process, m is the estimated bias, and n are the q navigation errors, still zero."""
     p = space.states
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
-    transition[:p, :p], transition[p, :p] = space.F, space.H[0] / rest
-    noise[:p, :p], noise[p, p] = space.Q, space.R[0, 0] / rest**2
+    transition[:p, :p], transition[p, :p], transition[p, p] = space.F, gain * space.H[0], keep
+    noise[:p, :p], noise[p, p] = space.Q, gain**2 * space.R[0, 0]
     return transition, noise
 
 
@@ -254,7 +265,15 @@ class BudgetAxis:
 
     def _of(self, process: Process, motion: Response, times: Sequence[float], rest: float) -> Matrix:
         steps = [max(1, round(time * self.rate)) for time in times]
-        return mean_squares(process, self.rate, motion, steps, rest=round(rest * self.rate))
+        return mean_squares(process, self.rate, motion, steps, rest=round(rest * self.rate), gain=self.gain)
+
+    @cached_property
+    def gain(self) -> float:
+        """Gain per sample of a filter with N and K of the axis; 0, for the mean of all samples, without K."""
+        try:
+            return filter_numbers(self.terms.values(), self.rate).gain.g if self.terms else 0.0
+        except MissingTheoryError:
+            return 0.0
 
 
 def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, Process]:
@@ -273,9 +292,7 @@ GRAVITY = STANDARD_GRAVITY
 LATITUDE = 45.0
 """Default latitude (deg)."""
 REST_S = 60.0
-"""Default time at rest before navigation (s). With it, every term is an error since a known bias, so that the budget
-does not depend on whether slow noise is called flicker noise, a random walk or a Gauss-Markov process
-(docs/howto/budget.md)."""
+"""Default time at rest before navigation (s), after which most filters know the biases (docs/howto/budget.md)."""
 _DEGREE = math.pi / 180
 
 _ERRORS = {
@@ -296,11 +313,12 @@ def budget(
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
     The vehicle is level and at rest, with x north, y east and z down. One rule holds for all terms: the biases at the
-    start are those that a rest before navigation gives. The mean over the rest is subtracted from the gyroscopes and
-    from the vertical accelerometer, and the mean of the horizontal accelerometers gives the initial tilt, which has an
-    error. With `rest` = 0, nothing is known about the biases: stationary noise starts in its stationary distribution,
-    and random walks and flicker noise start at zero. Constant biases and scale factors are not part of a noise model,
-    so the budget does not include them.
+    start are those that a filter with N and K of the axis knows after a rest. It is the mean over the rest, or over the
+    last N/K seconds of a longer one, with exponential weights. The filter subtracts the bias from the gyroscopes and
+    from the vertical accelerometer, and levels the vehicle with the horizontal accelerometers. The biases of the
+    horizontal accelerometers when the rest begins are constant biases, which are not part of a noise model, so that the
+    budget does not include their tilt. With `rest` = 0, all biases are known exactly at the start. Slow noise of the
+    same curve has the same budget, whether it is a random walk, flicker noise or a Gauss-Markov process.
 
     The error equations are linear. They include the effect of gravity on a tilted vehicle, the Schuler oscillation and
     the rotation of the Earth, but no accelerations of the vehicle. Strapdown integrations of simulated sensors agree
@@ -316,7 +334,8 @@ def budget(
     rate : float, optional
         Sampling rate (Hz), which is needed if `noise` has models.
     rest : float or str
-        Time at rest before navigation starts (s), or text such as "60s", which gives the biases and the level.
+        Time at rest before navigation starts (s), or text such as "60s", from which the filter knows the biases and the
+        level.
     latitude : float
         Latitude (deg).
     gravity : float

@@ -196,9 +196,9 @@ def headline(budget: Budget) -> str:
 def start(budget: Budget) -> str:
     """Return one sentence with the rule for the start of all terms."""
     if not budget.rest:
-        return "Start: nothing is known about the biases; random walks and flicker noise start at zero."
+        return "Start: for all terms, the biases and the level are known exactly."
     time = duration_text(budget.rest)
-    return f"Start: for all terms, the bias is the mean of {time} at rest, which also levels the vehicle."
+    return f"Start: for all terms, the bias and the level are those of a filter with N and K after {time} at rest."
 
 
 def largest(budget: Budget, kind: str) -> Growth | None:
