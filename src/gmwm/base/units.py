@@ -62,8 +62,7 @@ _UNITS = (
     Unit("µg", "accel", STANDARD_GRAVITY / 1e6),
 )
 
-SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}
-"""The SI unit of each quantity."""
+SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity
 
 IMPOSSIBLE = 1e12
 """Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors

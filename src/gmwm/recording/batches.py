@@ -65,26 +65,13 @@ class Streamed(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Consecutive samples of all axes of a recording, with the gaps between them.
+    """Consecutive samples of all axes of a recording, with the gaps between them."""
 
-    Attributes
-    ----------
-    signals : mapping of axis to Signal
-        Samples of each axis.
-    first : int
-        Number of the first sample in the recording, from 0.
-    continues : bool
-        Whether no sample is missing between this batch and the previous one.
-    temperature : (n,) array or None
-        Temperature (°C), if the recording has one.
-    parted : frozenset of str
-        Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only.
-    """
-
-    signals: Mapping[str, Signal]
-    first: int = 0
-    continues: bool = False
-    temperature: Vector | None = None
+    signals: Mapping[str, Signal]  # samples of each axis
+    first: int = 0  # number of the first sample in the recording, from 0
+    continues: bool = False  # whether no sample is missing between this batch and the previous one
+    temperature: Vector | None = None  # (n,) temperature (°C), if the recording has one
+    # Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only
     parted: frozenset[str] = frozenset()
 
     def continues_on(self, axis: str) -> bool:

@@ -15,29 +15,18 @@ from numpy.typing import NDArray
 
 from gmwm.base.units import AXES
 
-PREFIX = "imu:"
-"""Prefix of a type in the `format` option."""
+PREFIX = "imu:"  # prefix of a type in the `format` option
 
 _ARCSECOND = math.pi / 180 / 3600
 
 
 @dataclass(frozen=True)
 class RecordType:
-    """A type of .imu file.
+    """A type of .imu file."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the sensor.
-    word : "i4" or "f8"
-        Type of the six increments: 32-bit counts (records of 32 bytes) or doubles (56 bytes).
-    gyro, accel : float
-        Size of one count, in rad and m/s.
-    """
-
-    name: str
-    word: Literal["i4", "f8"]
-    gyro: float
+    name: str  # name of the sensor
+    word: Literal["i4", "f8"]  # type of the six increments: 32-bit counts (records of 32 bytes) or doubles (56 bytes)
+    gyro: float  # size of one count, in rad and m/s
     accel: float
 
     @property

@@ -18,8 +18,7 @@ Gaps = Literal["keep", "longest"]
 BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """A mapping of axis to column name or index, or a sequence of the axes in the order of the columns."""
-ROLES = (*AXES, "time", "temperature")
-"""Roles that a column of a file can have."""
+ROLES = (*AXES, "time", "temperature")  # roles that a column of a file can have
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 

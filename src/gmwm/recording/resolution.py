@@ -22,8 +22,7 @@ class StepSearch:
     uneven: float = 0.05
     """Largest deviation of the differences between values from multiples of the step, in steps
     (tests/test_inspection.py)."""
-    whole: float = 1e-3
-    """Largest distance of a value from a whole count, in counts."""
+    whole: float = 1e-3  # largest distance of a value from a whole count, in counts
     samples_of_value: int = 20
     """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others
     is then missing."""

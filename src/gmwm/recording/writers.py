@@ -22,12 +22,10 @@ from gmwm.base.units import AXES
 from gmwm.recording.imu_records import TYPES, RecordType, counts
 from gmwm.recording.signals import Imu, Signal
 
-MCAP = ".mcap"
-"""Extension of MCAP files."""
+MCAP = ".mcap"  # extension of MCAP files
 TOPIC = "/imu/data_raw"
 _MAGIC = b"\x89MCAP0\r\n"
-_ROWS = 1 << 18
-"""Number of messages that are written at once: 91 MB."""
+_ROWS = 1 << 18  # number of messages that are written at once: 91 MB
 _DEFINITION = """std_msgs/Header header
 geometry_msgs/Quaternion orientation
 float64[9] orientation_covariance
@@ -120,11 +118,9 @@ def _text(text: str) -> bytes:
     return struct.pack("<I", len(data)) + data
 
 
-SUFFIXES = (".csv", ".parquet")
-"""File name extensions of tables; the extension chooses the format."""
+SUFFIXES = (".csv", ".parquet")  # file name extensions of tables; the extension chooses the format
 
-RECORDS = ".imu"
-"""Extension of files of .imu records; the option `format` chooses the type of the records."""
+RECORDS = ".imu"  # extension of files of .imu records; the option `format` chooses the type of the records
 
 
 def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:

@@ -35,8 +35,7 @@ from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
 
-_MIDDLE = 2**15
-"""Middle of the range of counts of 16 bits."""
+_MIDDLE = 2**15  # middle of the range of counts of 16 bits
 
 
 def multiply(

@@ -23,8 +23,7 @@ from gmwm.base.extras import library
 from gmwm.base.text import with_article
 from gmwm.files.formats.bagfiles import TEXT_LIMIT, Topic
 
-Encoding = Literal["cdr", "ros1"]
-"""Serialisation of messages."""
+Encoding = Literal["cdr", "ros1"]  # serialisation of messages
 
 SIZES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
@@ -32,8 +31,7 @@ SIZES = {
 }  # fmt: skip
 """Types that are a single number, with their names in NumPy."""
 
-TIME = "builtin_interfaces/msg/Time"
-"""The type of a time stamp: seconds and nanoseconds, 32 bits each."""
+TIME = "builtin_interfaces/msg/Time"  # the type of a time stamp: seconds and nanoseconds, 32 bits each
 
 _LONG = 16  # longer arrays of numbers are not channels
 _STEPS = 100_000  # largest number of parts of a message
@@ -44,8 +42,7 @@ _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
 # Kinds of a field in rosbags; the numbers are part of its interface.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
 
-Description = Any
-"""Type of a field in the form of rosbags: (kind, (type, …)), nested for arrays."""
+Description = Any  # type of a field in the form of rosbags: (kind, (type, …)), nested for arrays
 
 
 def topic_error(what: str, code: ReadCode) -> ReadError:

@@ -37,8 +37,7 @@ ROLES: Mapping[str, tuple[str, str]] = {
     **{f"Acc{axis}": (f"accel_{axis.lower()}", "m/s²") for axis in "XYZ"},
     "T": ("temperature", "°C"),
 }
-STAMPS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}
-"""Names of the time stamps, and their units."""
+STAMPS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}  # names of the time stamps, and their units
 ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG_OPT for raw samples."
 
 

@@ -29,10 +29,8 @@ from gmwm.files.formats.line_forms import (
     require_clear_commas,
 )
 
-Commas = Literal["", "decimal", "thousands"]
-"""What a comma within a number is; "" if the numbers decide."""
-BLANKS = " "
-"""Delimiter that stands for any number of blanks and tabs."""
+Commas = Literal["", "decimal", "thousands"]  # what a comma within a number is; "" if the numbers decide
+BLANKS = " "  # delimiter that stands for any number of blanks and tabs
 
 
 COMMENT_SIGNS = ("#", "%", "//", "!")

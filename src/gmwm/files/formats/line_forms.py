@@ -21,8 +21,7 @@ from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.contract import Rows
 
-Replacement = tuple[bytes, bytes]
-"""Pattern and text that replaces it."""
+Replacement = tuple[bytes, bytes]  # pattern and text that replaces it
 
 _SAMPLE, _WIDTH = 50, 1000  # number of lines that show the forms, and of their first characters
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
@@ -31,8 +30,7 @@ _UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
 _VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?= {{0,2}}{_UNIT}))(?: {{0,2}}({_UNIT})(?=[\s,;|]|$))?"
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
-WEEK = (_WEEK_SECONDS.encode(), b"")
-"""Replacement that removes the week from time stamps such as 2190:345600.005."""
+WEEK = (_WEEK_SECONDS.encode(), b"")  # replacement that removes the week from time stamps such as 2190:345600.005
 
 _DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
@@ -203,8 +201,7 @@ def shape_of(line: str) -> str:
 
 
 _PLAIN_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_MOST_ROWS = 4096
-"""Number of rows in which seconds and fractions are compared."""
+_MOST_ROWS = 4096  # number of rows in which seconds and fractions are compared
 
 
 @dataclass(frozen=True)
@@ -308,8 +305,7 @@ def _last_word(name: str) -> str:
 _CELL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _POINT_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
 _COMMA_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
-WITHOUT_GROUPS = (rb"(?<=\d),(?=\d{3}(?!\d))", b"")
-"""Replacement that removes the commas between thousands."""
+WITHOUT_GROUPS = (rb"(?<=\d),(?=\d{3}(?!\d))", b"")  # replacement that removes the commas between thousands
 
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:

@@ -20,8 +20,7 @@ from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_erro
 if TYPE_CHECKING:
     import polars as pl
 
-TABLE_ROWS = 1 << 18
-"""Rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often."""
+TABLE_ROWS = 1 << 18  # rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often
 
 
 @register

@@ -35,13 +35,11 @@ from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
 from gmwm.files.formats.cdr import IMU, Decoder, Definition, definition
 from gmwm.files.formats.records import JsonDecoder, JsonType
 
-LOG_TIME = "log_time"
-"""Name of the channel with the time at which a message was recorded."""
+LOG_TIME = "log_time"  # name of the channel with the time at which a message was recorded
 
 STAMP = "header.stamp"
 
-TEMPERATURE = "(temperature)"
-"""Name of the channel with the temperature of another topic, interpolated to the samples."""
+TEMPERATURE = "(temperature)"  # name of the channel with the temperature of another topic, interpolated to the samples
 
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"

@@ -143,8 +143,7 @@ class _SentenceFormat(Reader):
     """Base class of the readers of sentences."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
-    scale: ClassVar[CountScale | None] = None
-    """The size of the counts, if the user names the type of the IMU."""
+    scale: ClassVar[CountScale | None] = None  # the size of the counts, if the user names the type of the IMU
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0, because the user names the type of the IMU."""

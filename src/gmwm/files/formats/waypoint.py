@@ -26,8 +26,7 @@ from gmwm.base.units import AXES, STANDARD_GRAVITY, axis_quantity
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, damage_error, register
 from gmwm.recording.imu_records import TYPES, RecordType, record
 
-RECORDS_OF_CHUNK = 1 << 18
-"""Number of records in a chunk."""
+RECORDS_OF_CHUNK = 1 << 18  # number of records in a chunk
 
 # The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
 _SLOWEST, _SHORTEST = 10.0, 1e-6

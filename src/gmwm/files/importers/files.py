@@ -237,37 +237,18 @@ _QUANTITIES: tuple[Quantity, ...] = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class Format:
-    """A format of files with noise numbers.
+    """A format of files with noise numbers."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the program.
-    keys : tuple of str
-        Keys by which a file is recognised: every file has at least one of them.
-    read : callable
-        Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The rate is
-        None if neither the file nor the user states it.
-    names : mapping of sensor to mapping of symbol to str
-        The key in the file for each number of `Values`.
-    rate_key : str
-        Key of the sampling rate (Hz); "" if the file has none.
-    needs_rate : bool
-        Whether the numbers depend on the sampling rate.
-    one : bool
-        Whether a file has each key once.
-    density : bool
-        Whether the numbers are N and K in SI units. They may then be written with another unit.
-    """
-
-    name: str
-    keys: tuple[str, ...]
+    name: str  # name of the program
+    keys: tuple[str, ...]  # keys by which a file is recognised: every file has at least one of them
+    # Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The
+    # rate is None if neither the file nor the user states it
     read: Reader
-    names: Mapping[Quantity, Mapping[str, str]]
-    rate_key: str = ""
-    needs_rate: bool = False
-    one: bool = True
-    density: bool = False
+    names: Mapping[Quantity, Mapping[str, str]]  # the key in the file for each number of `Values`
+    rate_key: str = ""  # key of the sampling rate (Hz); "" if the file has none
+    needs_rate: bool = False  # whether the numbers depend on the sampling rate
+    one: bool = True  # whether a file has each key once
+    density: bool = False  # whether the numbers are N and K in SI units. They may then be written with another unit
 
     def matches(self, document: ParameterFile) -> bool:
         """Return whether a file has a key of the format."""

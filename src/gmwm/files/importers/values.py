@@ -18,13 +18,11 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import DR, QN, RW, WN
 from gmwm.theory.processes.power import FN
 
-FLOOR = math.sqrt(2 * math.log(2) / math.pi)
-"""Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""
+FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)
 GAUSS_MARKOV_PEAK = 0.6173643
 """Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
 correlation time (pinned by tests/importers/test_values.py)."""
-_SQUARED = (1e-150, 1e150)
-"""Range of numbers whose squares are floating-point numbers at any sampling rate."""
+_SQUARED = (1e-150, 1e150)  # range of numbers whose squares are floating-point numbers at any sampling rate
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,7 @@ from gmwm.files.readers.streams import FileRows, Stream
 from gmwm.files.readers.topics import SeveralFiles, reopen
 from gmwm.recording.chunks import Chunk, Samples
 
-SHORTEST_PART = 4096
-"""Smallest number of rows of a part. Reading fewer rows takes less time than opening the file."""
+SHORTEST_PART = 4096  # smallest number of rows of a part. Reading fewer rows takes less time than opening the file
 
 
 @dataclass(frozen=True, eq=False)

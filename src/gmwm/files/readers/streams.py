@@ -29,12 +29,10 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.welch import Detrend
     from gmwm.measuring.variance.result import WaveletVariances
 
-CHUNK_SAMPLES = 1_000_000
-"""Default number of samples in a chunk."""
+CHUNK_SAMPLES = 1_000_000  # default number of samples in a chunk
 STREAMED_BYTES = 300_000_000
 """File size (bytes) from which commands and fleets stream. Smaller files fit into any memory, with copies."""
-Kept = Sequence[tuple[float, float]]
-"""Ranges of time (s), in order."""
+Kept = Sequence[tuple[float, float]]  # ranges of time (s), in order
 
 
 T = TypeVar("T")

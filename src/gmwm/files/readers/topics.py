@@ -25,8 +25,7 @@ from gmwm.base.units import AXES
 from gmwm.files.clock.lost_samples import CUT
 from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 
-Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
-"""A file, a pattern, or a sequence of files."""
+Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]  # A file, a pattern, or a sequence of files
 
 
 def found_reader(path: Source, format: str | None) -> tuple[Path, Reader]:

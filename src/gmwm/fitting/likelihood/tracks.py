@@ -27,8 +27,7 @@ from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
 
 Kind = Literal["filter", "smooth", "predict"]
-Modelled = Fit | LikelihoodFit | Model | Process | str
-"""A fit, or a model with values."""
+Modelled = Fit | LikelihoodFit | Model | Process | str  # A fit, or a model with values
 
 BIAS = "bias"
 """Label of the bias, which is the sum of the level of the recording and of all slow terms, as in navigation filters."""

@@ -266,12 +266,9 @@ def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], 
 
 
 # The limits separate recordings at rest, vehicles and turns by hand in tests/test_inspection.py.
-_TURNED = 1.0
-"""Change of the direction of gravity (degrees) between two blocks in which the unit turns."""
-_APART = 10.0
-"""Change of the direction of gravity (degrees) between two positions."""
-_SHORTEST, _FEWEST = 8, 3
-"""Fewest blocks of a still part, and fewest positions."""
+_TURNED = 1.0  # change of the direction of gravity (degrees) between two blocks in which the unit turns
+_APART = 10.0  # change of the direction of gravity (degrees) between two positions
+_SHORTEST, _FEWEST = 8, 3  # fewest blocks of a still part, and fewest positions
 
 
 def still_parts(

@@ -24,8 +24,7 @@ MOVED = 1.0
 """Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg
 (tests/test_inspection_limits.py, as all limits here)."""
 
-_NOISY = 0.1
-"""Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
+_NOISY = 0.1  # noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)
 
 
 def is_made_again(remark: Remark) -> bool:

@@ -91,8 +91,7 @@ class Extent:
 _SHARE = 1e-3
 """Smallest share of samples at an extreme value that is reported. Gaussian noise that is clipped there loses 0.1 % of
 its standard deviation (tests/test_inspection_faults.py, as the next constants)."""
-_LEAST = 10
-"""Smallest number of samples at an extreme value."""
+_LEAST = 10  # smallest number of samples at an extreme value
 _EXPECTED = 30.0
 """Number of samples that Gaussian noise would have beyond the extreme value, whose absence is not chance."""
 

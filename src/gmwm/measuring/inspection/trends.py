@@ -30,8 +30,7 @@ is most often mistaken for a trend (docs/validation/trends.md)."""
 _RAISED = 1.2
 """Ratio of the random walk with a warm-up to its upper limit without it, up to which the warm-up is less than the
 uncertainty of K. K of a recording of hours has a 95 % interval of about ± 20 % (docs/validation/filter.md)."""
-_EXTRA = 2.0
-"""Improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion."""
+_EXTRA = 2.0  # improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,12 +222,10 @@ _PERIODS = np.arange(2.0, 16.01, 0.5)
 """Numbers of periods in the recording that are tested. A faster change is a line in the spectrum."""
 _GAIN = 20.0
 """Reduction of −2 log L by a sinusoid above which it is not chance (validation/study_faults.py, as the next one)."""
-_MATTERS = 1.1
-"""Smallest ratio of K, as if the swing were noise, to the upper 95 % limit of K without it."""
+_MATTERS = 1.1  # smallest ratio of K, as if the swing were noise, to the upper 95 % limit of K without it
 
 
-DAY_S = 86400.0
-"""Period (s) of the change from day to night."""
+DAY_S = 86400.0  # period (s) of the change from day to night
 _DAYS, _HARMONICS = 3.0, 3
 """Smallest number of days in which a daily cycle differs from a random walk, and number of harmonics to try."""
 

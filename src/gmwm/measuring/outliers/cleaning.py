@@ -91,12 +91,9 @@ def screened(x: Signal) -> Screen:
 MARGIN, LEAST = 1.0, 8
 """Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
 length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as the next two constants)."""
-LONGEST = 30.0
-"""Longest time (s) that is replaced, including the margins of the knock."""
-MOST = 0.1
-"""Largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance."""
-_BESIDE = 32
-"""Smallest number of samples on each side of a knock from which its samples are replaced during the search."""
+LONGEST = 30.0  # longest time (s) that is replaced, including the margins of the knock
+MOST = 0.1  # largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance
+_BESIDE = 32  # smallest number of samples on each side of a knock from which its samples are replaced during the search
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -127,8 +127,7 @@ COARSE, COARSEST = 0.4, 0.54
 In white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the first one, the ratio
 depends by up to 15 % on the position of the mean between two steps; above the second one, at every level, because the
 mean drifts from step to step (docs/validation/contamination-test.md)."""
-TOLERANCE = 0.02
-"""Default of the relative excess that is not reported as outliers."""
+TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]

@@ -193,5 +193,4 @@ def _is_requested(asked: Asked, temperature: bool) -> bool:
     return bool(asked.terms) or (asked.automatic and temperature)
 
 
-NOTHING = Conditions()
-"""Conditions of a recording without a regression."""
+NOTHING = Conditions()  # conditions of a recording without a regression

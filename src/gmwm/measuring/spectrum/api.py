@@ -21,8 +21,7 @@ from gmwm.recording.signals import Imu, Signal
 ENOUGH_BLOCKS = 15
 """Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
 standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
-BUFFERED_SAMPLES = 1 << 18
-"""Number of samples that are buffered before they are processed."""
+BUFFERED_SAMPLES = 1 << 18  # number of samples that are buffered before they are processed
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 
-LEAST_QUALITY = 60.0
-"""Smallest ratio of frequency to width of a line, twice the Q factor of a sharp resonance, 30."""
+LEAST_QUALITY = 60.0  # smallest ratio of frequency to width of a line, twice the Q factor of a sharp resonance, 30
 
 
 @dataclass(frozen=True, kw_only=True)

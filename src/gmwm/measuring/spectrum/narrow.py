@@ -19,8 +19,7 @@ FIRST_BIN = 2
 NEAR, FAR = 4, 19
 """Distances (bins) at which the flanks of a line begin and end: 16 bins outside the four that the Hann window affects.
 """
-LEAST_FLANK = 6
-"""Smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test."""
+LEAST_FLANK = 6  # smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
 
@@ -117,10 +116,8 @@ def _half_width(density: Vector, k: int, level: float, noise: float) -> int | No
 
 _BINS, _WIDTHS = 40, 6.0
 """Distance from the peak up to which the density is fitted: at least in bins, and in widths of the peak."""
-_MOST = 200
-"""Number of densities from which neighbours are averaged."""
-_SINUSOID = 0.01
-"""Damping times the length of a block of a line that is indistinguishable from a sinusoid."""
+_MOST = 200  # number of densities from which neighbours are averaged
+_SINUSOID = 0.01  # damping times the length of a block of a line that is indistinguishable from a sinusoid
 _GAIN = 25.0
 """Smallest reduction of the deviance by a width. Sinusoids in noise exceed it in fewer than 1 of 200 recordings
 (tests/spectrum/test_resonance.py)."""

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
     from gmwm.files.readers.streams import Stream
 
-Change = Callable[[Signal], Signal]
-"""Function that changes the samples of an axis before their gaps are filled."""
+Change = Callable[[Signal], Signal]  # function that changes the samples of an axis before their gaps are filled
 
 
 class Measurement(Protocol):

@@ -15,20 +15,17 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.time_base import lost_before
-from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import LONGEST_PREDICTED_SAMPLES
 
 AROUND, LEAST_AROUND = 32, 1024
 """The neighbourhood of a gap of g samples has max(32 g, 1024) samples on each side, but at most `CONTEXT`, and fewer at
 an end of the recording. All constants here are measured in tests/filling."""
-LEAST_NEIGHBOUR_SHARE = 0.75
-"""Smallest share of the neighbourhood that must be known for a gap to be filled."""
+LEAST_NEIGHBOUR_SHARE = 0.75  # smallest share of the neighbourhood that must be known for a gap to be filled
 BESIDE, BESIDE_LONG = 2, 16
 """Smallest number of known samples on each side of a gap, as a multiple of its length. The first value is for gaps that
 are predicted from neighbours, the second for longer gaps, after which a sensor may have another offset. Both also apply
 near the ends of the recording."""
-LONGEST_FILLED_SAMPLES = 1 << 13
-"""Longest gap that is filled (samples)."""
+LONGEST_FILLED_SAMPLES = 1 << 13  # longest gap that is filled (samples)
 CONTEXT = BESIDE_LONG * LONGEST_FILLED_SAMPLES
 """Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
 BLOCK_SAMPLES = 1 << 20
@@ -106,16 +103,14 @@ def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.
 LEAST, SHARE = 16, 16
 """Smallest width w, and smallest number of widths in a recording, so that the usual difference is known accurately
 enough. All constants here are measured in tests/filling/test_restarts.py."""
-LEAST_JUMP = 6.0
-"""Smallest size of a jump at a gap, in standard deviations of the usual differences."""
+LEAST_JUMP = 6.0  # smallest size of a jump at a gap, in standard deviations of the usual differences
 _NEARER = 12.0
 """A jump is assigned to another place than the gap if its log likelihood there is larger by half this value. In white
 noise, 0.5 % of the jumps at a gap are assigned wrongly."""
 _SLOPE = 0.5
 """Smallest share of a jump that must remain after the slopes on both sides are subtracted. Nothing remains of a
 ramp."""
-_PLACES = 1 << 13
-"""Number of places from which the usual difference is estimated."""
+_PLACES = 1 << 13  # number of places from which the usual difference is estimated
 
 Places = NDArray[np.int64]
 
@@ -197,7 +192,7 @@ class _Differences:
     """
 
     def __init__(self, values: Vector, longest: int) -> None:
-        most = min(values.size // SHARE, gaps.CONTEXT // 2)
+        most = min(values.size // SHARE, CONTEXT // 2)
         self.widths = [LEAST << k for k in range(max(most // LEAST, 0).bit_length())]
         self._values = values - values.mean()
         self._path = np.concatenate([[0.0], np.cumsum(self._values)])

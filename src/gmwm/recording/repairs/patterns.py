@@ -16,12 +16,9 @@ from gmwm.base.remarks import Remark
 from gmwm.recording.repairs.repeats import Mask
 from gmwm.recording.resolution import lsb
 
-_BITS = range(8, 33)
-"""Lengths of words (bits)."""
-_REACH = 0.025
-"""Largest distance of a value from the end of the word, as a share of the range of the word."""
-_UNLIKELY = 1e-6
-"""Largest probability that values at random distances all look like wrapped ones."""
+_BITS = range(8, 33)  # lengths of words (bits)
+_REACH = 0.025  # largest distance of a value from the end of the word, as a share of the range of the word
+_UNLIKELY = 1e-6  # largest probability that values at random distances all look like wrapped ones
 _GAP = 10.0
 """Largest distance between the values on both sides of the end, in expected distances. It is exponentially distributed
 if the output is continuous, and exceeds this value with a probability of 5e-5."""
@@ -72,16 +69,14 @@ def unwrapped(values: Vector, modulus: float, middle: float) -> Vector:
     return np.asarray(np.where(turns == 0, values, values - turns * modulus))
 
 
-_MOST, _FEWEST = 1 << 17, 4096
-"""Largest and smallest number of samples that are used."""
+_MOST, _FEWEST = 1 << 17, 4096  # largest and smallest number of samples that are used
 _LINE, _PEAKS = 30.0, 4
 """Height of a line in the periodogram of the squares, relative to its mean nearby, which noise exceeds in fewer than
 1 of 10⁸ periodograms; and number of lines that are examined."""
 _BLOCK, _PHASES, _EXACT = 256, 32, 0.05
 """Length of the blocks to which straight lines are fitted, number of phases, and largest variance of the residual at
 the best phase, relative to that at the median phase and to the noise (tests/recording/test_resampled.py)."""
-_RATES = (0.05, 0.95)
-"""Smallest and largest relative rate that is recognised."""
+_RATES = (0.05, 0.95)  # smallest and largest relative rate that is recognised
 
 
 def slower_rate(values: Vector) -> float:
@@ -135,23 +130,17 @@ def _residual(block: Vector, share: float, phase: float) -> float:
     return float(residual @ residual / max(block.size - lines.shape[1], 1))
 
 
-_LENGTHS = (16, 64, 256, 1024)
-"""Numbers of samples whose means are sorted into two levels."""
-_TOGETHER = 128
-"""Number of means from which a slow drift is subtracted together."""
+_LENGTHS = (16, 64, 256, 1024)  # numbers of samples whose means are sorted into two levels
+_TOGETHER = 128  # number of means from which a slow drift is subtracted together
 _APART = 5.0
 """Smallest distance of the two levels, in standard deviations of the means at one level. It is 2.7 for Gaussian noise
 (tests/recording/test_repairs.py, as the next constants)."""
-_SHARE = 0.005
-"""Smallest share of the time at the rarer level."""
-_BETWEEN = 0.5
-"""Largest number of means in the middle third between the levels, relative to those at the rarer level."""
-_CHANGES = 16
-"""Smallest number of changes of the level."""
+_SHARE = 0.005  # smallest share of the time at the rarer level
+_BETWEEN = 0.5  # largest number of means in the middle third between the levels, relative to those at the rarer level
+_CHANGES = 16  # smallest number of changes of the level
 _PARTS = 8
 """Number of parts of the recording, in more than half of which the rarer level must occur. Otherwise the unit moved."""
-_LASTS = 1.5
-"""Smallest mean duration of the rarer level, in means. A shorter one is a wrong sample."""
+_LASTS = 1.5  # smallest mean duration of the rarer level, in means. A shorter one is a wrong sample
 
 
 class TwoLevels(NamedTuple):

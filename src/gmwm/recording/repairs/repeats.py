@@ -62,13 +62,11 @@ class RepeatLimits:
 
     least_share: float = 1e-3
     """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repairs.py)."""
-    least_changes: int = 100
-    """Smallest number of changes of the output from which repetition is recognised."""
+    least_changes: int = 100  # smallest number of changes of the output from which repetition is recognised
     multiple_share: float = 0.98
     """Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2
     at most."""
-    most_repeats: int = 100
-    """Largest number of repetitions that is recognised."""
+    most_repeats: int = 100  # largest number of repetitions that is recognised
     chance_share: float = 0.1
     """Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
     longest_run: int = 4
@@ -88,8 +86,7 @@ class RepeatLimits:
 
 LIMITS = RepeatLimits()
 
-_PER_WINDOW, _WINDOWS = 30, 10
-"""Expected number of repeats in such a window, and smallest number of windows."""
+_PER_WINDOW, _WINDOWS = 30, 10  # expected number of repeats in such a window, and smallest number of windows
 
 
 @dataclass(frozen=True)

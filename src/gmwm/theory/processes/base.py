@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 
     from gmwm.theory.processes.model import Model
 
-registry: dict[str, type[Process]] = {}
-"""All processes by name, in the order in which they are listed."""
+registry: dict[str, type[Process]] = {}  # all processes by name, in the order in which they are listed
 
 Theory = Literal[
     "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",

@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 from gmwm.base import _core
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
-Kernel = tuple[float, float, Vector, Matrix, NDArray[np.uint8]]
-"""A process as `_core.lag_sums` takes it."""
+Kernel = tuple[float, float, Vector, Matrix, NDArray[np.uint8]]  # A process as `_core.lag_sums` takes it
 _SERIES = 0.5
 """|λ| s below which sinh λs − s sinh λ is computed from its series, because its terms would cancel. The kernel uses the
 same limit."""
@@ -42,29 +41,16 @@ def _none() -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class ExponentialSum:
-    """Generalised covariance of the running sum of a process; see the module docstring.
+    """Generalised covariance of the running sum of a process; see the module docstring."""
 
-    Attributes
-    ----------
-    white : float
-        Density w of the white noise (u²).
-    walk : float
-        Innovation variance γ² of the random walk (u²).
-    spikes : (L,) array
-        ρ(0), ρ(1), …, ρ(L − 1) (u²).
-    amplitudes : (n,) complex array
-        Amplitudes a_p (u²). Of a pair of complex decays, one is listed, with twice its amplitude.
-    decays : (n,) complex array
-        Decays λ_p per sample, with a real part ≥ 0 and an imaginary part between 0 and π.
-    bare : (n,) bool array
-        Exponentials without the first term of k_p. They must decay faster than e^(−½|m|).
-    """
-
-    white: float = 0.0
-    walk: float = 0.0
-    spikes: Vector = field(default_factory=_none)
+    white: float = 0.0  # density w of the white noise (u²)
+    walk: float = 0.0  # innovation variance γ² of the random walk (u²)
+    spikes: Vector = field(default_factory=_none)  # (L,) ρ(0), ρ(1), …, ρ(L − 1) (u²)
+    # (n,) amplitudes a_p (u²). Of a pair of complex decays, one is listed, with twice its amplitude
     amplitudes: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, dtype=np.complex128))
+    # (n,) decays λ_p per sample, with a real part ≥ 0 and an imaginary part between 0 and π
     decays: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, dtype=np.complex128))
+    # (n,) exponentials without the first term of k_p. They must decay faster than e^(−½|m|)
     bare: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
 
     @classmethod
@@ -176,8 +162,7 @@ def _excess_of_sinh(decay: NDArray[np.complex128], s: float) -> NDArray[np.compl
 
 Array = NDArray[np.float64]
 
-WHITE = 700.0
-"""Upper limit for λ: beyond it, e^(−λ) is below the rounding error of 1, and cosh λ would soon overflow."""
+WHITE = 700.0  # upper limit for λ: beyond it, e^(−λ) is below the rounding error of 1, and cosh λ would soon overflow
 
 
 def gm_shape(lam: Array, h: Array) -> Array:
