@@ -97,17 +97,8 @@ class Batch:
 
 
 class Segments:
-    """The segments of a recording, from its batches in order.
-
-    Attributes
-    ----------
-    ranges : list of (first, last)
-        Index ranges without a gap.
-    starts : list of float
-        Time of the first sample of each range (s).
-    gaps_known : bool
-        Whether the lengths of the gaps are known.
-    """
+    """The segments of a recording, from its batches in order: index ranges without a gap, the time of the first sample
+    of each (s), and whether the lengths of the gaps are known."""
 
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
@@ -144,18 +135,9 @@ def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
 
 
 class Batches:
-    """The batches of a recording, which can be iterated over several times.
-
-    A recording that is one batch is read only once. Samples that were added to the file after the first iteration are
-    left out.
-
-    Parameters
-    ----------
-    recording : Imu or Streamed
-        A recording in memory or in chunks.
-    done : callable, optional
-        Function that is called with the number of samples so far, after each chunk.
-    """
+    """The batches of a recording, in memory or in chunks, which can be iterated over several times. A recording that is
+    one batch is read only once. Samples that were added to the file after the first iteration are left out. `done` is
+    called with the number of samples so far, after each chunk."""
 
     def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
         self.recording, self._done = recording, done

@@ -62,18 +62,11 @@ TYPES = (
 
 
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
-    """Round increments to whole counts and carry each remainder over to the next increment.
+    """Round increments (N,) to whole counts of size `unit`, and carry each remainder over to the next increment.
 
     The count k is n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where v are the increments, u is the size of
     a count and [·] is the nearest integer. The error of the sum of the counts is at most half a count. Increments that
     are whole counts do not change.
-
-    Parameters
-    ----------
-    values : (N,) array
-        Increments v, in the unit of `unit`.
-    unit : float
-        Size of one count, u.
 
     >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
     array([0, 1, 0, 1])

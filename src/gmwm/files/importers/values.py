@@ -145,17 +145,11 @@ class Reference:
 
 
 def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str = "reference") -> Reference:
-    """Convert a reference value from its unit to the SI unit `si`.
+    """Convert a reference value from its unit to the SI unit `si`. Raises an OptionError if `given` is not a positive
+    number with a unit, and a UnitError if the unit does not fit the number.
 
     >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
     True
-
-    Raises
-    ------
-    OptionError
-        If `given` is not a positive number with a unit.
-    UnitError
-        If the unit does not fit the number.
     """
     try:
         value, unit = given
@@ -220,24 +214,11 @@ _PART = re.compile(
 
 
 def read_datasheet(text: str) -> dict[str, Values | Model]:
-    """Parse text with the noise numbers, or the noise model, of each axis.
+    """Parse text with the noise numbers, or the noise model, of each axis: parts "SENSOR: SYMBOL=VALUE UNIT, …" with
+    ";" between them. The sensor is gyro, accel or an axis. A symbol is N, K, B, sigma, Q, R or T_c. "over 100s" after B
+    or sigma is the correlation time of a Gauss-Markov process. A part can also be a model with values. Raises an
+    OptionError if the text has another form, and a UnitError if a unit does not fit its symbol.
 
-    Parameters
-    ----------
-    text : str
-        Parts "SENSOR: SYMBOL=VALUE UNIT, …" with ";" between them. The sensor is gyro, accel or an axis. A symbol is N,
-        K, B, sigma, Q, R or T_c. "over 100s" after B or sigma is the correlation time of a Gauss-Markov process. A part
-        can also be a model with values.
-
-    Raises
-    ------
-    OptionError
-        If the text has another form.
-    UnitError
-        If a unit does not fit its symbol.
-
-    Examples
-    --------
     >>> read_datasheet("gyro_x: N=60 deg/√h")["gyro_x"].N == read_datasheet("gyro_x: N=1 deg/s/√Hz")["gyro_x"].N
     True
     """

@@ -51,27 +51,12 @@ drawn in turn."""
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:
-    """Replace the samples that are not present by draws from their conditional distribution given the others.
+    """Replace the samples (N,) that are not `present` by draws from their conditional distribution given the others.
 
-    Parameters
-    ----------
-    values : (N,) array
-        Samples at equal intervals. Those that are not present are ignored.
-    present : (N,) bool array
-        Whether each sample is known.
-    seed : int
-        Seed of the draws. Signals with the same losses get residuals from the same positions, so that the covariance of
-        two axes is kept.
-    cuts : sequence of int
-        Indices of samples at which a new range of the signal begins. No gap extends from one range to the next.
+    Signals with the same losses and seed get residuals from the same positions, so that the covariance of two axes is
+    kept. `cuts` are the indices of samples at which a new range of the signal begins. No gap extends from one range to
+    the next.
 
-    Returns
-    -------
-    (N,) array
-        The values where they are present, and draws elsewhere.
-
-    Examples
-    --------
     >>> x = np.random.default_rng(1).normal(size=10_000)
     >>> present = np.ones(x.size, dtype=bool)
     >>> present[::10] = False

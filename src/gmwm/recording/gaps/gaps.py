@@ -116,27 +116,12 @@ Places = NDArray[np.int64]
 
 
 def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) -> NDArray[np.bool_]:
-    """Return a mask of the gaps after which the sensor has another offset.
+    """Return a mask (m,) of the gaps after which the sensor has another offset, from the known samples, the first
+    sample after each gap, the number of samples lost in it, and the indices at which a new range of the signal begins.
 
     The signal is cut at the largest jump before the next one is searched, so that one restart is not counted at every
     gap near it.
 
-    Parameters
-    ----------
-    values : (n,) array
-        Known samples.
-    places, lost : (m,) int array
-        The first sample after each gap, and the number of samples lost in it.
-    cuts : sequence of int
-        Indices of samples at which a new range of the signal begins.
-
-    Returns
-    -------
-    (m,) bool array
-        Whether the sensor restarted at each gap.
-
-    Examples
-    --------
     >>> x = np.random.default_rng(1).normal(size=20_000)
     >>> x[10_000:] += 2
     >>> restarts(x, np.array([5_000, 9_900, 10_000]), np.array([1, 1, 1]), ())
@@ -183,13 +168,8 @@ def _edges(places: Places, edges: Sequence[int]) -> tuple[Places, Places]:
 
 
 class _Differences:
-    """Differences between the means of w samples before and after places of a signal, and their usual size.
-
-    Attributes
-    ----------
-    widths : list of int
-        The widths w.
-    """
+    """Differences between the means of w samples before and after places of a signal, and their usual size, for all
+    `widths` w."""
 
     def __init__(self, values: Vector, longest: int) -> None:
         most = min(values.size // SHARE, CONTEXT // 2)
