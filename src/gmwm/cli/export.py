@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict
 
 import typer
 
@@ -13,6 +13,7 @@ from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length
+from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
 from gmwm.cli.model_source import GivenText, read_given
@@ -20,9 +21,6 @@ from gmwm.cli.options import ResultOption, named_as_options
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
 
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -17,9 +17,7 @@ from gmwm.cli.options import Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm fuse array.csv --output virtual.csv --plot virtual.png",

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,9 +17,7 @@ from gmwm.cli.options import InputOption
 from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 
 File = Annotated[
     Path,

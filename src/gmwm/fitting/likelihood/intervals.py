@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -24,15 +24,12 @@ from gmwm.fitting.estimation.summary import (
     without_axis,
 )
 from gmwm.fitting.likelihood.estimator import invert, jacobian
+from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.fitting.likelihood.problem import LikelihoodProblem
+from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.search import LikelihoodSearch
 from gmwm.recording.options import as_confidence, one_of
-
-if TYPE_CHECKING:
-    from gmwm.fitting.likelihood.innovations import Residuals
-    from gmwm.fitting.likelihood.result import LikelihoodFit
-    from gmwm.theory.processes.parameter import Parameter
-
+from gmwm.theory.processes.parameter import Parameter
 
 Method = Literal["wald", "profile"]
 _ROUNDS = 25
