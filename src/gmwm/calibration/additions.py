@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.recording.signals import Signal
 
-GROUP = "gmwm.additions"
-"""Group of the entry points through which other packages register additions."""
+GROUP = "gmwm.additions"  # group of the entry points through which other packages register additions
 ENTRY_POINTS = (
     "gmwm.applications.several.cross:SharedNoiseAddition",
     "gmwm.applications.monitor.baseline:BaselineAddition",

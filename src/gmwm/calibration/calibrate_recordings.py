@@ -172,8 +172,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
 T = TypeVar("T")
 Item = TypeVar("Item")
 
-Data = Imu | Signal | Streamed | Mapping[str, AxisInput]
-"""Data of one recording."""
+Data = Imu | Signal | Streamed | Mapping[str, AxisInput]  # data of one recording
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
 

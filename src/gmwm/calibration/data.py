@@ -23,10 +23,8 @@ _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 
 Curve = WaveletVariance | tuple[WaveletVariance, WaveletVariance]
 """A curve that a user gives for an axis, or the classical and the robust curve."""
-AxisInput = Signal | Curve
-"""What a user can give for an axis: its samples, or curves."""
-Part = Imu | Streamed
-"""Axes of a recording that were sampled at the same times."""
+AxisInput = Signal | Curve  # what a user can give for an axis: its samples, or curves
+Part = Imu | Streamed  # axes of a recording that were sampled at the same times
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

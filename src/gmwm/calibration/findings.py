@@ -61,8 +61,7 @@ describe the data (tests/calibration/test_misfit.py)."""
 
 SMALL_OUTLIER_SHARE = 0.01
 """Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:

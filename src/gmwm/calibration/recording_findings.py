@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.outliers import Verdict
 
 _LINE = "linear-trend"
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def recording_remarks(

@@ -144,10 +144,8 @@ REST: Mapping[Dialect, str] = {
 }  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
-MOST_LINES = 10
-"""Largest number of lines that a table shows. A choice: the weakest of more lines hardly matter."""
-SPREAD_OF = ("N", "B", "K")
-"""Symbols of the numbers whose spread between recordings the table shows."""
+MOST_LINES = 10  # largest number of lines that a table shows. A choice: the weakest of more lines hardly matter
+SPREAD_OF = ("N", "B", "K")  # symbols of the numbers whose spread between recordings the table shows
 _FIRST = "[1]"
 _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from gmwm.choosing.datasheets.entry import Datasheet
     from gmwm.choosing.replicates import Replicates
 
-GIVEN = "given"
-"""Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
+GIVEN = "given"  # attribute `weighting` of a `Fit` whose parameters were given and not estimated from data
 
 
 @dataclass(frozen=True, kw_only=True)

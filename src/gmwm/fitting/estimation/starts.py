@@ -28,8 +28,7 @@ How = Literal["convex", "given", "scan", "sampled"]
 
 # tests/estimation/test_arma_fits.py and test_surface.py pin the sizes of the scan below: no other start, including
 # random draws, may reach a smaller objective (docs/validation/starts.md has the study).
-MOST_SCANNED = 4096
-"""Largest number of points of a scan."""
+MOST_SCANNED = 4096  # largest number of points of a scan
 
 
 @dataclass(frozen=True)

@@ -104,8 +104,7 @@ class SlopeLine:
         return np.asarray(law.factor * self.coefficient * np.asarray(tau, dtype=np.float64) ** law.slope)
 
 
-_Reason = Literal["slope", "chance", "few", "rising"]
-"""Reason why a term is not found."""
+_Reason = Literal["slope", "chance", "few", "rising"]  # reason why a term is not found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
