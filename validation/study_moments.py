@@ -20,8 +20,8 @@ MOMENTS = "haar + lags:8"
 MODELS = {"MA(2)": ([], [0.6, 0.3]), "ARMA(2,1)": ([0.9, -0.3], [0.5])}
 """Coefficients φ and θ of the models; the errors have variance 1."""
 CASES = (
-    ("MA(2)", 2000, None, 100), ("ARMA(2,1)", 2000, None, 300), ("ARMA(2,1)", 2000, 5.0, 100),
-    ("ARMA(2,1)", 8000, 5.0, 30),
+    ("MA(2)", 2000, None, 300), ("ARMA(2,1)", 2000, None, 300), ("ARMA(2,1)", 2000, 5.0, 300),
+    ("ARMA(2,1)", 8000, 5.0, 30), ("ARMA(2,1)", 10_000, None, 100),
 )  # fmt: skip
 """Model, samples, degrees of freedom of Student errors (None for Gaussian errors), and series."""
 

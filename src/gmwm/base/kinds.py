@@ -107,7 +107,9 @@ def field_types(kind: type) -> Mapping[str, Any]:
 
 def _lists(kind: type) -> frozenset[str]:
     """Return the names of the fields with one list of numbers: those whose annotation is `Vector`, or of integers."""
-    return frozenset(field.name for field in fields(kind) if str(field.type) in ("Vector", "NDArray[np.int64]"))
+    return frozenset(
+        field.name for field in fields(kind) if str(field.type) in ("Vector", "Integers", "NDArray[np.int64]")
+    )
 
 
 def _require(value: Any, kind: Any, key: str, document: Document) -> None:

@@ -6,24 +6,26 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
 from gmwm.base.units import sensor_of
+from gmwm.calibration.result import Calibration
+from gmwm.choosing.datasheets import Entry
 
-if TYPE_CHECKING:
-    from gmwm.calibration.result import Calibration
-    from gmwm.choosing.datasheets import Entry
-
-MAIN = ("N", "K", "B")  # symbols of the numbers that the verdict of a calibration counts
+MAIN = ("N", "K", "B")
+"""Symbols of the numbers that the verdict of a calibration counts."""
 MEMORIES_OF_FILTER = 30.0
 """Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. They contribute
 less than 1 % of the prediction error from flicker noise, and 13 % of that from a random walk, because the error of the
 filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
-OF_FILTER = ("N", "K")  # symbols of the numbers of a filter
-OF_FIT = ("model-misfit", "coarse-misfit")  # remarks on the difference between the model and the data
+OF_FILTER = ("N", "K")
+"""Symbols of the numbers of a filter."""
+OF_FIT = ("model-misfit", "coarse-misfit")
+"""Remarks on the difference between the model and the data."""
 _ALL, _FACTS = "all", "facts"
-_SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})  # symbols that a remark can name
+_SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
+"""Symbols that a remark can name."""
 _SIZES = frozenset({*MAIN, "R", "Q", "q_c"})
 """Symbols of numbers that are sizes of noise, so that they can be upper limits."""
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.applications.fleets import Fleet
-from gmwm.applications.fleets.discovery import FILE
-from gmwm.applications.fleets.result import TABLE
+from gmwm.applications.fleets.result import FILE, TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
-from gmwm.base.reporting import Progress
 from gmwm.base.threads import processors
 from gmwm.calibration.options import SEARCHED
 from gmwm.cli.calibrate import Outliers, calibration_helpers, calibration_options
@@ -35,6 +32,10 @@ from gmwm.cli.output import NewFile, Outcome, file_names, optional_plots, progre
 from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
 from gmwm.recording.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.applications.fleets import Fleet
+    from gmwm.base.reporting import Progress
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",

@@ -24,6 +24,7 @@ from gmwm.applications.fleets.statistics_result import (
 )
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
+from gmwm.base.lazy import scipy
 from gmwm.base.statistics import effects, holm, prediction_limits, spread_limits
 from gmwm.base.units import sensor_of
 from gmwm.calibration.tables import in_order
@@ -178,8 +179,6 @@ def differences(
 
 def hotelling(d: Matrix) -> float | None:
     """Return the p-value of Hotelling's test that the mean of d (p, n) over n units is zero; None if it is singular."""
-    from scipy.special import fdtrc
-
     p, n = d.shape
     mean = d.mean(axis=1)
     # The differences are scaled to unit variance, so that the rank does not depend on the unit.
@@ -190,7 +189,7 @@ def hotelling(d: Matrix) -> float | None:
     if np.linalg.matrix_rank(scatter, hermitian=True) < p:
         return None
     t2 = n * float(mean / size @ np.linalg.solve(scatter, mean / size))
-    return float(fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
+    return float(scipy.special.fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
@@ -362,8 +361,6 @@ def _describe(
     read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
     """Compute typical value, spread and prediction for samples (m, n), each of one or more (dependent) axes."""
-    from scipy.special import stdtrit
-
     at = effects(kept, s2)
     freedom, error = at.count - 1, at.error
     if axes > 1:
@@ -374,7 +371,7 @@ def _describe(
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
     ahead = prediction_limits(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
-    reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
+    reach = scipy.special.stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
     numbers = []
     for k, sample in enumerate(samples):
         all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST_UNITS - 1

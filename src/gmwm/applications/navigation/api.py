@@ -23,6 +23,7 @@ import numpy as np
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector, as_rate
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import parse_length
 from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY
@@ -54,12 +55,10 @@ class Response:
 
     def step(self, dt: float) -> tuple[Matrix, Vector]:
         """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
-        from scipy.linalg import expm
-
         q = self.drive.size
         joint = np.zeros((q + 1, q + 1))
         joint[:q, :q], joint[:q, q] = self.a, self.drive
-        joint = expm(joint * dt)
+        joint = scipy.linalg.expm(joint * dt)
         return joint[:q, :q], joint[:q, q]
 
 

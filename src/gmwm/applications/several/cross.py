@@ -24,6 +24,7 @@ from gmwm.applications.several.matrices import (
 from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.statistics import holm
 from gmwm.base.threads import in_threads
@@ -384,19 +385,15 @@ def _sum(first: Model, second: Model) -> Model:
 
 def _pvalues(correlation: Vector, freedom: Vector) -> Vector:
     """Return two-sided p-values (J,) of the hypothesis of zero correlation, from Student's distribution."""
-    from scipy.special import stdtr
-
     with np.errstate(divide="ignore", invalid="ignore"):
         score = np.abs(correlation) * np.sqrt((freedom - 1) / (1 - correlation**2))
-        return np.asarray(2 * stdtr(freedom - 1, -score))
+        return np.asarray(2 * scipy.special.stdtr(freedom - 1, -score))
 
 
 def _limits(correlation: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
     """Return the confidence limits (J,) of correlations, from Fisher's transformation."""
-    from scipy.special import ndtri
-
     with np.errstate(divide="ignore", invalid="ignore"):
-        half = ndtri(0.5 + confidence / 2) / np.sqrt(freedom - 2)
+        half = scipy.special.ndtri(0.5 + confidence / 2) / np.sqrt(freedom - 2)
         middle = np.arctanh(correlation)
         return np.tanh(middle - half), np.tanh(middle + half)
 

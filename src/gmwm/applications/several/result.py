@@ -8,10 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.several.matrices import AxisPairs
-from gmwm.base.arrays import FrozenArrays, Matrix, Vector
+from gmwm.base.arrays import FrozenArrays, Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
@@ -89,7 +88,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
 
     axes: tuple[str, ...]
     units: Mapping[str, str]
-    levels: NDArray[np.int64]
+    levels: Integers
     rate: float
     samples: int
     variance: Mapping[str, Vector]

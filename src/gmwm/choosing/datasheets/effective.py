@@ -17,6 +17,7 @@ from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensit
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import (
     LEAST_PERIODS,
+    MOST_PERIODS,
     FilterGain,
     FilterNumbers,
     FilterPrediction,
@@ -124,7 +125,8 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
-    model itself.
+    model itself. The interval of N also includes N without oscillations faster than 10/T: their flanks below 1/T are
+    extrapolated, and a disturbance whose frequency wanders has none.
 
     The intervals come from the derivatives of N and K with respect to the parameters of the model (implicit function
     theorem) and the covariance of the estimates.
@@ -251,6 +253,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             upper_only = z * min(reach.scales, reach.all) >= 1 or min(others[1:], default=value) == 0
             by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
             least, most = min(value, others[0]), max(value, others[0])
+            if symbol == "N":
+                least = min(least, factor * _white_without_flanks(fit, use, numbers[0]))
             low, high = min(least / by, *others), max(most * by, *others)
             if upper_only:
                 low, high = 0.0, max(most * math.sqrt(1 + z * reach.all), *others)
@@ -269,6 +273,19 @@ def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
         ratio = curve_ratio(fit)
         stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
     return stored[use, z]
+
+
+def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
+    """Return N without the oscillations faster than `MOST_PERIODS` in the horizon, if there is other noise."""
+    processes = [p for p in fit.model.processes if p.scale > 0 and use.contains(p, fit.wavelet_variance.rate)]
+    fast = [p for p in processes if (p.oscillation() or 0.0) * use.horizon > MOST_PERIODS]
+    if not 0 < len(fast) < len(processes):
+        return numbers.N
+    stored: dict[Use, float] = fit.__dict__.setdefault("_white_without_flanks", {})
+    if use not in stored:
+        absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
+        stored[use] = _at(fit, use, curve_ratio(fit), absent).N
+    return stored[use]
 
 
 def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:

@@ -13,6 +13,7 @@ from numpy.polynomial.legendre import leggauss
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
@@ -182,14 +183,12 @@ class _GainFree:
 
 @lru_cache(maxsize=32)
 def _fixed(theta: bytes, samples: int) -> _GainFree:
-    from scipy.special import erfc
-
     angle = np.frombuffer(theta)
     difference = -np.expm1(-1j * angle)
     start = 1 / (samples * difference)  # G = start (e^{inθ} − 1)
     mean = start * np.expm1(1j * samples * angle) - 1
     fades = samples > 2 * _PERIODS
-    shown = 0.5 * erfc((samples * angle - _FADE) / _WIDTH) if fades else np.ones(angle.size)
+    shown = 0.5 * scipy.special.erfc((samples * angle - _FADE) / _WIDTH) if fades else np.ones(angle.size)
     left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * samples * angle), 0.0)
     return _GainFree(mean, difference, start, left_out)
 
@@ -314,7 +313,6 @@ def filter_numbers(
 
 def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMPLES) -> FilterGain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
-    from scipy.optimize import brentq
 
     def slope(u: float) -> float:
         return prediction.error(FilterGain(math.exp(u)))[1]
@@ -323,7 +321,7 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
     grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
     slopes = np.array([slope(u) for u in grid])
     gains = [
-        FilterGain(math.exp(brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
+        FilterGain(math.exp(scipy.optimize.brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
         for k in np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0))
     ]
     gains += [FilterGain(1 / slowest)] if slopes[0] >= 0 else []
@@ -334,8 +332,6 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
     """Return the mean square error of the steady-state filter of the full model for the mean of n samples, without
     sinusoids and ramps; None without a state space or a solution of the Riccati equation in double precision."""
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
     noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]
     try:
         noises = [p for p in noises if p.has("psd") or not is_ramp(p, rate)]
@@ -349,8 +345,8 @@ def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> f
     # innovations. The Riccati equation cannot be solved without it.
     floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
-        before = solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))
-    except (LinAlgError, ValueError):
+        before = scipy.linalg.solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))
+    except (scipy.linalg.LinAlgError, ValueError):
         return None
     start = StateSpace(space.F, space.Q, space.H, space.R, m0=space.m0, P0=(before + before.T) / 2)
     error = float(start.block_variance([samples])[0]) / samples**2

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
 """Ratios γ²/σ² of the grid. The smallest positive one is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest
@@ -135,7 +134,7 @@ class Likelihood:
         taken = np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
-    def with_step(self, models: NDArray[np.int64], first: int) -> float:
+    def with_step(self, models: Integers, first: int) -> float:
         """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
         models."""
         return float(np.min(self.with_steps(models, slice(first, None))))
@@ -151,7 +150,7 @@ class Likelihood:
         gain = float(np.min(self.without().values) - values[model, shape])
         return gain, float(place), self.grid.weights[model]
 
-    def with_steps(self, models: NDArray[np.int64], places: slice) -> Matrix:
+    def with_steps(self, models: Integers, places: slice) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block."""
         columns = self.grid.transform[:, places]
         shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])

@@ -221,7 +221,8 @@ def _classical(
     kernel."""
     if filter.lags:
         variance, rises = _classical(segments, HAAR, transform, levels)
-        return np.concatenate([lag_moments(segments, filter.lags[::-1]), variance]), rises
+        scales = filter.numbers(levels)[len(filter.lags) :]
+        return np.concatenate([lag_moments(segments, filter.lags[::-1]), variance[scales - 1]]), rises
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     estimates, rises = [], []
     for segment, reach in _reaching(segments, filter, transform, levels):

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.arrays import Integers, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import with_article
 from gmwm.base.threads import OneAtATime, one_at_a_time
@@ -257,7 +257,7 @@ class SegmentedAccumulator(OneAtATime):
         """Return the first and the last segment, to which another part can still be joined."""
         return [part for part in (self._first, self._last) if part is not None]
 
-    def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
+    def _sums(self) -> tuple[Vector, Integers]:
         """Return Σ W² and the number of coefficients of all levels (J,)."""
         squares, counts = self._squares.copy(), self._counts.copy()
         for part in self._open():

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.recording.signals import Signal
 
 
@@ -113,7 +112,7 @@ class WinsorisedRise:
 
     middle: float
     reach: float
-    edges: NDArray[np.int64]
+    edges: Integers
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:

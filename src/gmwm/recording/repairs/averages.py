@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
@@ -141,13 +142,11 @@ class _Averages:
 
     def _uncorrelated(self, name: str, means: Vector) -> Vector:
         """Return means whose white noise is not correlated, from those of the filter."""
-        from scipy.signal import lfilter
-
         theta = self._correlations.get(name, 0.0)
         if not theta or not means.size:
             return means
         state = self._states.get(name, -theta * means[:1])
-        values, self._states[name] = lfilter([1 + theta], [1, theta], means, zi=state)
+        values, self._states[name] = scipy.signal.lfilter([1 + theta], [1, theta], means, zi=state)
         return np.asarray(values)
 
 

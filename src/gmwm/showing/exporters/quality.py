@@ -17,13 +17,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Number, Rule, SensorNoise, lines_of
 from gmwm.showing.exporters.text import is_given
-from gmwm.showing.exporters.two_states import (
-    LEAST_AVERAGING_RATIO,
-    LONGEST_AVERAGING_S,
-    Curve,
-    cached,
-    fit_states,
-)
+from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S, Curve, cached, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

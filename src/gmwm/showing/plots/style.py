@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 from gmwm.showing.plots.figure import Stroke, Symbol
 from gmwm.theory.processes import FN, SIN, WN, registry
-
-if TYPE_CHECKING:
-    from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.base import Process
 
 BLACK = "#000000"
 ORANGE = "#E69F00"

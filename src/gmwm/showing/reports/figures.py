@@ -9,30 +9,27 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
 from gmwm.base.errors import OptionError
 from gmwm.base.units import by_sensor
+from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.choosing.replicates import Replicates
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.plots.curves import Item, overlay_panel, plot_recordings
 from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick, description
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import UnitSystem, ViewName, sensor_and_letter, sensor_title
 from gmwm.showing.plots.ranking import plot_ranking
-from gmwm.showing.plots.regression import regression_panel
+from gmwm.showing.plots.results import regression_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.replicates import Replicates
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
-    from gmwm.theory.processes.model import Model
-
+from gmwm.theory.processes.model import Model
 
 PIXELS_OF_POINT = 4 / 3
 """Number of CSS pixels in a point."""

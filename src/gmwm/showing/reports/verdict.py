@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,16 +14,13 @@ from gmwm.base.text import duration_text, list_text
 from gmwm.base.units import by_sensor
 from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.measuring.outliers import Verdict
 from gmwm.showing.plots.labels import axis_title
-
-if TYPE_CHECKING:
-    from gmwm.calibration.recording_info import Recording
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.measuring.outliers import Verdict
-
 
 Facts = list[tuple[str, str]]
 """Pairs of name and value, in the order of the page."""
@@ -125,12 +122,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     equality = equality_remarks(calibration)
     cautions = [r for r in calibration.remarks if r.severity is not Severity.INFO and r not in equality]
     points = [*equality, *cautions, *_results(calibration)]
-    return {
-        "state": state_of(head),
-        "code": head.code,
-        "headline": head.text(Dialect.HTML),
-        "points": _points(points),
-    }
+    return {"state": state_of(head), "code": head.code, "headline": head.text(Dialect.HTML), "points": _points(points)}
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
