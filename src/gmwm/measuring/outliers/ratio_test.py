@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import FrozenArrays, Vector, as_vector
+from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -30,7 +30,7 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.model import ModelLike, as_model
 
 
-def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
+def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | None) -> Vector:
     """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels in `tested`, for the classical ν̂²
     and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
     if not np.any(tested):
@@ -195,7 +195,7 @@ class Verdict(FrozenArrays, Documented, Summarised):
     dependence: Dependence | None = None
 
     @property
-    def tested(self) -> NDArray[np.bool_]:
+    def tested(self) -> Booleans:
         """Whether each level is tested, a (J,) array."""
         return np.array([int(j) not in self.left_out for j in self.levels], dtype=np.bool_)
 
@@ -210,14 +210,14 @@ class Verdict(FrozenArrays, Documented, Summarised):
         return self.exceeds and not self.contaminated
 
     @property
-    def exceeding(self) -> NDArray[np.bool_]:
+    def exceeding(self) -> Booleans:
         """Whether the excess of each level reaches its critical value, a (J,) array."""
         return np.asarray(
             self.tested & (np.nan_to_num(self.excess, nan=-1.0) >= np.nan_to_num(self.critical, nan=np.inf))
         )
 
     @property
-    def lighter(self) -> NDArray[np.bool_]:
+    def lighter(self) -> Booleans:
         """Whether the robust variance of each level exceeds the classical one by more than chance: drift or rounding,
         (J,)."""
         from scipy.special import gammainc
@@ -450,7 +450,7 @@ def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     return left_out
 
 
-def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
+def _ruled_by_steps(zeros: Vector) -> Booleans:
     """Return the levels whose ratio depends on the quantization steps, from the share of zeros at each level."""
     if np.max(zeros) > COARSEST:
         return np.ones(zeros.size, dtype=np.bool_)
