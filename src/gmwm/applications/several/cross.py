@@ -25,8 +25,8 @@ from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.lazy import scipy
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.statistics import holm
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import RecordingAddition
 from gmwm.calibration.findings import TEST_SIZE
@@ -145,8 +145,7 @@ def _size(values: Vector) -> float:
     return 1 / size if size > 0 else 1.0
 
 
-LARGEST_DELAY_SAMPLES = 3
-"""Largest delay (samples) that can be found."""
+LARGEST_DELAY_SAMPLES = 3  # largest delay (samples) that can be found
 LARGEST_LAG_SAMPLES = 12
 """Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
 GAIN_IN_ERRORS = 5.0
