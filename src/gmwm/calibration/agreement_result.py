@@ -330,7 +330,9 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain values for JSON."""
         differing = [f"{row.axis}.{row.symbol}" for row in self.disagreeing]
-        content = {"labels": self.labels, "size": self.size, "compared": len(self.compared), "disagreeing": differing}
+        differing += [f"{row.sensor}.{row.symbol}" for row in self.sensors if row.agrees is False]
+        count = len(self.compared) + len(self.sensors)
+        content = {"labels": self.labels, "size": self.size, "compared": count, "disagreeing": differing}
         for name in ("models", "rejected", "unmatched", "failed", "rows", "sensors", "verdict", "remarks"):
             content[name] = getattr(self, name)
         document: dict[str, Any] = plain(content, finite=False)
