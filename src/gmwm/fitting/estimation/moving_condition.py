@@ -29,8 +29,7 @@ PARTS = 4
 """Number of parts of a bin over which the curve of the model is averaged. The outer bins of an irregular condition are
 wide: the curve at the mean condition may differ from the mean by 2 %, that of four parts by less than 0.6 %
 (tests/estimation/test_moving.py)."""
-SHORTEST = 16
-"""Number of samples over which the condition is averaged before it is assigned to a bin."""
+SHORTEST = 16  # number of samples over which the condition is averaged before it is assigned to a bin
 
 
 @dataclass(frozen=True, eq=False)
