@@ -163,9 +163,8 @@ class TailSums:
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
 
-    `wv` is the classical Haar wavelet variance of the signal, with moments at lags or without. E = c l lᵀ, with a size
-    c and a loading l_j of each level; see the module docstring. A lag has the loading of level 1. The result is None if
-    a Gaussian signal explains the covariance.
+    `wv` is the classical Haar wavelet variance of the signal. Moments at lags have the loading of level 1. The result
+    is None if a Gaussian signal explains the covariance; see the module docstring.
 
     >>> from gmwm import wavelet_variance
     >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
