@@ -45,8 +45,7 @@ class TailLimits:
     """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
     docs/validation/tails.md, as are the other constants of this module."""
     chance_with_lags: float = 2.5
-    """The same if there are moments at lags: of 300 series with t(5) errors, 80 % are found instead of 64 %, and 2 % of
-    the Gaussian ones (docs/validation/moments.md)."""
+    """The same for the shortest blocks if there are moments at lags (docs/validation/moments.md)."""
     change_by_ends: float = 0.05  # largest change of λ that the ends of blocks cause
     material: float = 0.05
     """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
@@ -112,7 +111,8 @@ class TailSums:
             n = float(blocks[reach - 1])
             relative = block * covariance[:reach, :reach] / np.outer(own[:reach], own[:reach])
             factor, ratio = _common_factor(relative, gaussian[:reach, :reach], shapes[:reach])
-            edge = 1 + self._chance * np.sqrt(2 / n) + LIMITS.change_by_ends
+            chance = self._chance if block == self._block else LIMITS.chance  # longer blocks are few
+            edge = 1 + chance * np.sqrt(2 / n) + LIMITS.change_by_ends
             if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
                 best, found = ratio, factor
         if found is None:
