@@ -41,8 +41,7 @@ _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
 """Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
 matrices without negative eigenvalues. A field has the same meaning in all classes."""
-LARGEST_COUNT = 1 << 62
-"""Largest number of samples or of anything else that is counted."""
+LARGEST_COUNT = 1 << 62  # largest number of samples or of anything else that is counted
 LARGEST_NUMBER = 1e150
 """Largest finite number in a document, and largest inverse of a number above zero. The square of a larger number
 overflows."""

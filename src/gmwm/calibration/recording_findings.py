@@ -16,8 +16,7 @@ from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, rem
 from gmwm.measuring.outliers import Verdict
 
 _LINE = "linear-trend"
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def recording_remarks(

@@ -14,9 +14,9 @@ from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate
 from gmwm.base.documents import plain_fields
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length
 from gmwm.calibration.additions import AxisAddition
 from gmwm.files.readers.streams import Stream
 from gmwm.fitting.estimation.result import Fit
@@ -24,8 +24,7 @@ from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, as_model
 
-LEAST_BLOCKS = 80
-"""Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
+LEAST_BLOCKS = 80  # least blocks for the mean square of a level: standard error below 7 %, less than the dead band
 LARGEST_RATIO = 1e15
 """Largest number in a baseline; ratios, shapes and scatter are at least its inverse. Other numbers are damage."""
 

@@ -19,8 +19,7 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-BOUND_FACTOR = 2.0
-"""Factor from the largest interpolation error at midpoints near a cell to the bound in the cell."""
+BOUND_FACTOR = 2.0  # factor from the largest interpolation error at midpoints near a cell to the bound in the cell
 NEIGHBOUR_CELLS = 12
 """Neighbouring cells on each side that are used, because rounding dominates single midpoints near φ = 1."""
 
@@ -61,8 +60,7 @@ class UnitCurve:
     margins: Vector
 
 
-Place = tuple[Branch, float]
-"""Point of a curve: a branch, and the search coordinate u on this branch."""
+Place = tuple[Branch, float]  # point of a curve: a branch, and the search coordinate u on this branch
 
 
 def shape_at(

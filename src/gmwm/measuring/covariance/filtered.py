@@ -36,10 +36,8 @@ LONGEST_SAMPLES = 2**26
 OVERSAMPLED = 4
 """The covariance of a pair of levels is summed over lags that are 2^(j − OVERSAMPLED) apart, where j is the finer
 level. The spacing is smaller if V_jj would otherwise change by more than `_ALIKE`."""
-LEAST_LAGS = 2**15
-"""Smallest number of positive lags in a sum, unless the recording is shorter."""
-_ALIKE = 2e-5
-"""Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
+LEAST_LAGS = 2**15  # smallest number of positive lags in a sum, unless the recording is shorter
+_ALIKE = 2e-5  # largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted
 
 
 def covariance(model: Model, design: Design) -> Matrix:

@@ -26,8 +26,7 @@ sets."""
 SLOWEST_DECAYS = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
 kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-MOST_CACHED = 1_050_000
-"""Largest number of values that are cached for the shapes of a grid that are not fixed."""
+MOST_CACHED = 1_050_000  # largest number of values that are cached for the shapes of a grid that are not fixed
 
 
 _COVARIANCES = {

@@ -17,8 +17,7 @@ from gmwm.base.lazy import scipy
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 """Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
 resonances (tests/spectrum/test_short_memory.py)."""
-HIGHEST_ORDER = 10
-"""Largest order p or q."""
+HIGHEST_ORDER = 10  # largest order p or q
 LARGEST_ERROR_AT_ZERO = 0.05
 """Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""
 POLE, ZERO = 0.987, 1 - 1e-6

@@ -12,8 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gmwm.base.arrays import Integers, Vector, freeze
 from gmwm.base.lazy import scipy
 
-Detrend = Literal["constant", "linear"]
-"""Trend that is subtracted from each block: the mean, or the least-squares line."""
+Detrend = Literal["constant", "linear"]  # trend that is subtracted from each block: the mean, or the least-squares line
 ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44

@@ -107,21 +107,16 @@ class HeldSamples:
         self._size += x.size
 
 
-EXACT_LEVELS = 14
-"""Default number of levels at which an accumulator uses every coefficient."""
+EXACT_LEVELS = 14  # default number of levels at which an accumulator uses every coefficient
 LEAST_EXACT = 6
 """Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
-MOST_EXACT = 24
-"""Largest number of exact levels."""
-MOST_LEVELS = 44
-"""Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
+MOST_EXACT = 24  # largest number of exact levels
+MOST_LEVELS = 44  # largest number of levels: 2^44 samples are 500 years at 1 kHz
 MEMORY_BYTES = 1 << 29
 """Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
 at 100 Hz; for more samples, 21 levels are exact."""
-PANEL_SAMPLES = 1 << 20
-"""Largest number of samples that are processed together."""
-UNCOPIED_SAMPLES = 1 << 18
-"""Number of samples from which a chunk is processed without a copy."""
+PANEL_SAMPLES = 1 << 20  # largest number of samples that are processed together
+UNCOPIED_SAMPLES = 1 << 18  # number of samples from which a chunk is processed without a copy
 
 
 class SegmentedAccumulator(OneAtATime):
@@ -368,8 +363,7 @@ def whole(value: int, name: str, least: int, most: int) -> int:
     return int(value)
 
 
-LEAST_PANEL_SAMPLES = 1 << 17
-"""Smallest number of samples of a panel."""
+LEAST_PANEL_SAMPLES = 1 << 17  # smallest number of samples of a panel
 
 
 def panel_length(rate: float) -> int:

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 LEAST_OMITTED_BITS = 8
 """Smallest number of low-order bits that a cell omits. A cell is therefore at least 2^-44 of the value wide."""
-MOST_CELLS = 1 << 17
-"""Largest number of cells of a level."""
+MOST_CELLS = 1 << 17  # largest number of cells of a level
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,8 +53,7 @@ class StatisticsCollector(Protocol):
         """Return the statistics of no coefficients."""
 
 
-BLOCKS_OF_SCALE = 64
-"""Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
+BLOCKS_OF_SCALE = 64  # Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample.
 _KEPT = BLOCKS_OF_SCALE - 1
 
 
@@ -375,8 +374,7 @@ class SegmentState:
         )  # fmt: skip
 
 
-LARGEST_SUM = 1e140
-"""Limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow."""
+LARGEST_SUM = 1e140  # limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow
 
 
 def as_count(value: Any, least: int = 0) -> int:

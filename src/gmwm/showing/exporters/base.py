@@ -19,7 +19,7 @@ from typing import Any, ClassVar, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
@@ -245,8 +245,7 @@ def topic_of(calibration: Calibration) -> str:
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 
 
-QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
-"""The sensors in the order in which files list them."""
+QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")  # the sensors in the order in which files list them
 
 
 def export(

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-from gmwm.base.units import SI_UNIT, Quantity
+from gmwm.base.units import SI_UNIT, Quantity, letter_of, sensor_of
 from gmwm.calibration import Calibration
 from gmwm.calibration.number_verdicts import as_limit
 from gmwm.calibration.rest import BiasAtRest
@@ -76,8 +75,7 @@ Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {"worst": "the largest of", "mean": "the root mean square of", "each": "one for each of"}
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
-NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""Names of the sensors in sentences."""
+NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}  # names of the sensors in sentences
 
 
 @dataclass(frozen=True)

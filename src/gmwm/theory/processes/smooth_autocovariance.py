@@ -24,11 +24,9 @@ from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, freeze
 from gmwm.base.lazy import scipy
 from gmwm.theory.filters import WaveletFilter
 
-LARGEST_SMOOTHNESS = 50.0
-"""Upper limit of ν; beyond it, the process is almost infinitely smooth."""
+LARGEST_SMOOTHNESS = 50.0  # upper limit of ν; beyond it, the process is almost infinitely smooth
 _PAIRS = 24
-_POWERS = 52
-"""Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
+_POWERS = 52  # number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1
 
 Numbers = NDArray[Any]
 
@@ -159,12 +157,9 @@ def _gamma_powers() -> Matrix:
     return np.concatenate([(-1.0) ** (m + 1) * scipy.special.zeta(m + 1, a) / (m + 1), scipy.special.psi(a)], axis=1)
 
 
-NODES_OF_OCTAVE = 20
-"""Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20."""
-_SPILL = 8
-"""Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
-_SHORT = 64
-"""Number of lags that are summed individually."""
+NODES_OF_OCTAVE = 20  # Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20
+_SPILL = 8  # Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it
+_SHORT = 64  # number of lags that are summed individually
 
 Levels = NDArray[np.int64]
 
