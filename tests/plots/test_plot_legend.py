@@ -49,7 +49,9 @@ def height_of_panel(picture):
 @pytest.mark.parametrize("units", ["si", "datasheet"])
 def test_many_terms(many, view, units):
     legend = assert_inside(plot_fit(many, view=view, units=units))
-    assert {text.get_text().split(":")[0] for text in legend.get_texts()} >= set(many.decomposition)
+    assert {text.get_text().split(":")[0] for text in legend.get_texts()} >= {
+        process.name_in_text(term) for term, process in zip(many.model.terms, many.model.processes, strict=True)
+    }
     assert_inside(plot_imu({"gyro_x": many, "gyro_y": many}, view=view, units=units))
 
 

@@ -341,7 +341,7 @@ def _of_terms(
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
             )  # fmt: skip
     for term in zero:
-        yield Remark.of("term-zero", wv.axis, case="fit", term=term)
+        yield Remark.of("term-zero", wv.axis, case="fit", term=processes[term].name_in_text(term))
     for term, process in processes.items():
         if process.scale > 0 and term not in acts_as:
             yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))
