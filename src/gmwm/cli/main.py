@@ -315,7 +315,7 @@ def _print_schema(name: str | None) -> None:
         raise typer.Exit
 
 
-_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, of calibration.json or session.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of

@@ -16,15 +16,21 @@ SCHEMAS = Path(__file__).with_name("schemas.json")
 
 
 def schema(name: str) -> dict[str, Any]:
-    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of
-    calibration.json."""
+    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of the files
+    calibration.json and session.json."""
     if name == "calibration.json":
         from gmwm.calibration.result import Calibration
 
         return Calibration.schema()
+    if name == "session.json":
+        from gmwm.applications.app.session import Session
+
+        return Session.schema()
     schemas = json.loads(SCHEMAS.read_text(encoding="utf-8"))
     if name not in schemas:
-        raise OptionError(argument="schema", expected=f"one of calibration.json, {', '.join(schemas)}", got=name)
+        raise OptionError(
+            argument="schema", expected=f"one of calibration.json, session.json, {', '.join(schemas)}", got=name
+        )
     return {"$schema": DIALECT, "title": f"gmwm {name}", **schemas[name]}
 
 
