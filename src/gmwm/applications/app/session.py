@@ -155,8 +155,8 @@ class Session:
         named = {"format": {"const": FORMAT}, "version": {"const": VERSION}}
         options = {"type": "object", "properties": reading, "additionalProperties": False}
         return {
-            "$schema": DIALECT, "title": FORMAT, "type": "object", "properties": {**named, **session, "reading": options},
-            "required": [*named], "additionalProperties": False, "$defs": schemas.by_name,
+            "$schema": DIALECT, "title": FORMAT, "type": "object", "required": [*named], "additionalProperties": False,
+            "properties": {**named, **session, "reading": options}, "$defs": schemas.by_name,
         }  # fmt: skip
 
     @classmethod
