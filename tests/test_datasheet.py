@@ -417,7 +417,8 @@ def test_the_interval_is_that_of_the_derivatives(text):
         error = math.sqrt(np.array(slopes) @ cov.relative @ np.array(slopes))
         if found[symbol].upper_only:
             continue
-        assert math.log(found[symbol].high / found[symbol].value) == near(1.959963985 * error, 0.02)
+        # The ends of poorly known parameters may lie outside.
+        assert 0.98 < math.log(found[symbol].high / found[symbol].value) / (1.959963985 * error) < 1.1
 
 
 def test_equivalent_models_have_the_same_numbers():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import GM, RW, WN
@@ -71,3 +72,27 @@ def test_three_standard_errors_make_a_misfit():
 def test_only_a_fit_has_limits(given):
     with raises(gmwm.errors.OptionError, type(given).__name__, argument="fit", advises=["gmwm.fit(model, data)"]):
         gmwm.datasheets.effective_noise(given, 10.0)
+
+
+@pytest.mark.parametrize("horizon", [0.5, 1.0, 3.0])
+def test_white_noise_includes_slow_noise_below_the_limit_of_the_walk(horizon):
+    x = np.random.default_rng(1).normal(size=3000)
+    fit = gmwm.fit("WN", gmwm.Signal(x, 100.0, "rad/s"))
+    white, walk = gmwm.datasheets.effective_noise(fit, horizon).values()
+    alone = fit.datasheet()["N"].value
+    assert walk.upper_only
+    assert white.value == near(alone, 1e-6)
+    # The Allan variance at T of white noise and of a random walk is N²/T + K² T/3.
+    assert white.high**2 > alone**2 + walk.high**2 * horizon / 3
+
+
+def test_a_walk_is_a_limit_if_another_filter_may_be_best():
+    """A filter averages a Gauss-Markov term of 0.6 s, and tracks one of 1.2 s, which is the estimate here."""
+    rng, rate = np.random.default_rng(4), 100.0
+    for time, samples, limit in ((1.2, 6000, True), (20.0, 600_000, False)):
+        phi = np.exp(-1 / (rate * time))
+        x = lfilter([1.0], [1.0, -phi], 0.03 * rng.normal(size=samples) * np.sqrt(1.2 / time)) + rng.normal(
+            size=samples
+        )
+        fit = gmwm.fit("GM + WN", gmwm.Signal(x, rate, "rad/s"))
+        assert gmwm.datasheets.effective_noise(fit)["K"].upper_only == limit

@@ -17,7 +17,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def page(study: ModuleType, result: Mapping[str, Any]) -> str:
-    """The page of a study as Markdown. All that is on it comes from the result."""
+    """The page of a study as Markdown. All that is on it comes from the result, and from `further()` of the study."""
     blocks = [block for block in study.table(dict(result)).strip().split("\n\n") if not block.startswith("#")]
     parts = [f"# {question(study)}", *_sentences(blocks)]
     parts += [block for block in blocks if block.startswith("![")][:1]
@@ -25,6 +25,8 @@ def page(study: ModuleType, result: Mapping[str, Any]) -> str:
     rows = table[2:]
     if rows:
         parts.append("\n".join([*table[:2], *_spread(rows)]))
+    if further := getattr(study, "further", None):
+        parts.append(further())
     return "\n\n".join([*parts, _foot(study, result, len(rows))]) + "\n"
 
 

@@ -10,13 +10,15 @@ Std 952: the Allan variance of the sensor without departures is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, special
+
+from validation import filter_truth
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -35,12 +37,15 @@ WARM = 4000
 class Truth:
     """What a recording was made of; None where a number has no meaning.
 
-    N is the density at low frequency of everything with a memory far below 1 s, after the sensor's filter. `lowest` is
+    N is the density at low frequency of everything with a memory far below 1 s, after the sensor's filter. `filter_N`
+    and `filter_K` are the numbers of the filter that predicts the output over 1 s best. `lowest` is
     the minimum of the true Allan deviation over √(2 ln 2/π), which is what B means without flicker noise. `structure`
     is the model as gmwm writes it, if it is one of gmwm's slow family. `facts` are the parameters of the departure.
     """
 
     N: float
+    filter_N: float
+    filter_K: float
     K: float | None = 0.0
     R: float | None = None
     B: float | None = None
@@ -111,10 +116,35 @@ class Sensor:
         tau = np.geomspace(1 / self.rate, last, 4000)
         return math.sqrt(self.allan_variance(tau).min() / BIAS)
 
-    def truth(self, **other: Any) -> Truth:
-        """The truth without a departure, with `other` in its place."""
+    def density(self, theta: Array) -> Array:
+        """Two-sided density of the samples, without a departure."""
+        z = np.exp(-1j * theta)
+        step = np.abs(1 - z)
+        total = np.full(theta.shape, self.sigma**2)
+        for variance, time in self.gm:
+            phi = math.exp(-1 / (time * self.rate))
+            total += variance * (1 - phi**2) / np.abs(1 - phi * z) ** 2
+        total += (self.K**2 / self.rate) / step**2 + self.B**2 / step + (self.Q * self.rate * step) ** 2
+        return total
+
+    def truth(
+        self, shape: filter_truth.Density | None = None, lines: Sequence[tuple[float, float]] = (), slope: float = 0.0,
+        **other: Any,
+    ) -> Truth:  # fmt: skip
+        """The truth without a departure, with `other` in its place.
+
+        `shape` is the density of the white noise over its value at zero, `lines` are sinusoids (Hz, amplitude), and
+        `slope` is the root mean square of the derivative of a trend.
+        """
+
+        def density(theta: Array) -> Array:
+            changed = 0.0 if shape is None else self.sigma**2 * (shape(theta) / shape(np.zeros(1)) - 1)
+            return self.density(theta) + changed
+
+        N, K = filter_truth.numbers(density, self.rate, lines=lines, slope=slope)
         plain = Truth(
-            N=self.N, K=self.K, B=self.B or None, lowest=self.lowest(), gm=self.gm, structure=self.structure
+            N=self.N, filter_N=N, filter_K=K, K=self.K, B=self.B or None, lowest=self.lowest(), gm=self.gm,
+            structure=self.structure,
         )  # fmt: skip
         return replace(plain, **other)
 
@@ -140,6 +170,11 @@ class Sensor:
     def recorded(self, white: Array, rng: Rng, **other: Any) -> Recording:
         """The recording with this in place of the white noise."""
         return Recording(samples=white + self.slow(rng), rate=self.rate, truth=self.truth(**other), axis=self.axis)
+
+
+def shape_of(b: Array, a: Array | None = None) -> filter_truth.Density:
+    """Squared gain of a digital filter by angular frequency."""
+    return lambda theta: np.abs(signal.freqz(b, np.ones(1) if a is None else a, worN=theta)[1]) ** 2
 
 
 def flicker(count: int, rng: Rng) -> Array:
@@ -241,7 +276,8 @@ def _butterworth(order: int, rng: Rng) -> Recording:
     sensor, cut = ordinary(rng), rng.uniform(0.05, 0.3)
     sos = signal.butter(order, 2 * cut, output="sos")
     white = signal.sosfilt(sos, sensor.white(rng, WARM))[WARM:]
-    return sensor.recorded(white, rng, structure=None, facts={"cut": cut})
+    shape = shape_of(*signal.butter(order, 2 * cut))
+    return sensor.recorded(white, rng, shape=shape, structure=None, facts={"cut": cut})
 
 
 def lowpass_1(rng: Rng) -> Recording:
@@ -257,8 +293,9 @@ def lowpass_2(rng: Rng) -> Recording:
 def average(rng: Rng) -> Recording:
     """Mean of the last 2 to 8 samples."""
     sensor, width = ordinary(rng), int(rng.integers(2, 9))
-    white = np.convolve(sensor.white(rng, width - 1), np.full(width, 1 / width), "valid")
-    return sensor.recorded(white, rng, structure=None, facts={"width": width})
+    mean = np.full(width, 1 / width)
+    white = np.convolve(sensor.white(rng, width - 1), mean, "valid")
+    return sensor.recorded(white, rng, shape=shape_of(mean), structure=None, facts={"width": width})
 
 
 def fir(rng: Rng) -> Recording:
@@ -266,7 +303,7 @@ def fir(rng: Rng) -> Recording:
     sensor, taps, cut = ordinary(rng), 2 * int(rng.integers(2, 16)) + 1, rng.uniform(0.1, 0.4)
     h = signal.firwin(taps, 2 * cut)
     white = np.convolve(sensor.white(rng, taps - 1), h, "valid")
-    return sensor.recorded(white, rng, structure=None, facts={"taps": taps, "cut": cut})
+    return sensor.recorded(white, rng, shape=shape_of(h), structure=None, facts={"taps": taps, "cut": cut})
 
 
 def decimated(rng: Rng) -> Recording:
@@ -286,10 +323,14 @@ def decimated(rng: Rng) -> Recording:
     # White noise of density N at the internal rate has σ² = N² · rate · times.
     inside = sensor.sigma * math.sqrt(times) * rng.normal(size=(sensor.count + WARM) * times)
     white = signal.lfilter(b, a, inside)[WARM * times :: times]
-    folded = np.abs(signal.freqz(b, a, worN=2 * np.pi * np.arange(times) / times)[1]) ** 2
-    N = sensor.N * math.sqrt(folded.sum())
+    before = shape_of(b, a)
+
+    def folded(theta: Array) -> Array:
+        return sum((before((theta + 2 * np.pi * k) / times) for k in range(times)), np.zeros(theta.shape))
+
+    N = sensor.N * math.sqrt(float(folded(np.zeros(1))[0]))
     facts = {"filter": kind, "times": times, "cut_of_output_rate": cut * times}
-    return replace(sensor, N=N).recorded(white, rng, structure=None, facts=facts)
+    return replace(sensor, N=N).recorded(white, rng, shape=folded, structure=None, facts=facts)
 
 
 # --- the spectrum -----------------------------------------------------------------------------------------------------
@@ -306,13 +347,16 @@ def resonance(rng: Rng) -> Recording:
     ringing = signal.lfilter([size], a, rng.normal(size=sensor.count + WARM))[WARM:]
     N = sensor.N * math.sqrt(1 + peak * gain[0] / gain[1])
     facts = {"frequency": at, "Q": q, "peak": peak, "share": at / sensor.rate}
-    return replace(sensor, N=N).recorded(sensor.white(rng) + ringing, rng, structure=None, facts=facts)
+    ring = shape_of(np.array([size / sensor.sigma]), a)
+    return replace(sensor, N=N).recorded(
+        sensor.white(rng) + ringing, rng, shape=lambda theta: 1 + ring(theta), structure=None, facts=facts
+    )
 
 
 def lines(rng: Rng) -> Recording:
     """One to three sinusoids of 0.03 to 0.5 of the white noise, some with harmonics, half with a wandering phase."""
     sensor = ordinary(rng)
-    t, x, found = np.arange(sensor.count) / sensor.rate, sensor.white(rng), []
+    t, x, found, waves = np.arange(sensor.count) / sensor.rate, sensor.white(rng), [], []
     for _ in range(int(rng.integers(1, 4))):
         at, size = log_uniform(rng, 0.2, 0.45 * sensor.rate), sensor.sigma * log_uniform(rng, 0.03, 0.5)
         width = float(rng.choice([0.0, log_uniform(rng, 1e-4, 1e-2)]))
@@ -323,8 +367,9 @@ def lines(rng: Rng) -> Recording:
         for k, share in enumerate(overtones, start=1):
             if k * at < sensor.rate / 2:
                 x += share * size * np.sin(k * phase)
+                waves.append((k * at, share * size))
         found.append({"frequency": at, "amplitude": size, "width": width, "harmonics": len(overtones) - 1})
-    return sensor.recorded(x, rng, structure=None, facts={"lines": found})
+    return sensor.recorded(x, rng, lines=waves, structure=None, facts={"lines": found})
 
 
 # --- tails and outliers -----------------------------------------------------------------------------------------------
@@ -472,7 +517,8 @@ def drift(rng: Rng) -> Recording:
     ramp = (trend[-1] - trend[0]) / sensor.duration if degree == 1 else None
     facts = {"degree": degree, "times": times, "size": size}
     structure = f"{sensor.structure} + DR" if degree == 1 else None
-    plain = sensor.recorded(sensor.white(rng), rng, R=ramp, lowest=None, structure=structure, facts=facts)
+    slope = float(np.sqrt(np.mean(np.diff(trend) ** 2))) * sensor.rate
+    plain = sensor.recorded(sensor.white(rng), rng, slope=slope, R=ramp, lowest=None, structure=structure, facts=facts)
     return replace(plain, samples=plain.samples + trend)
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 import gmwm
 from gmwm.applications.several import CrossCovariance, JointFit, cross, fit_joint, same
-from gmwm.applications.several.plots import cross_figure, joint_figure
+from gmwm.applications.several.plots import plot_cross, plot_joint
 from gmwm.base.template import join_names
+from gmwm.showing.plots.figure import description
 from gmwm.showing.plots.matplotlib import draw as render
 
 NAME = "axes"
@@ -166,6 +167,6 @@ def _percent(ratio: float) -> float:
 def draw(result: dict[str, Any], path: Path) -> None:
     """The correlations of the first recording, and the joint fit of its gyroscopes and one accelerometer."""
     imu = recordings(reduced=False)[0]
-    render(cross_figure(cross(imu)), path=path)
+    render(description(plot_cross)(cross(imu)), path=path)
     fit = fit_joint(MODEL, {axis: imu[axis] for axis in ("gyro_x", "gyro_y", "accel_x", "accel_y")}, levels=LEVELS)
-    render(joint_figure(fit), path=path.with_name("axes-joint.svg"))
+    render(description(plot_joint)(fit), path=path.with_name("axes-joint.svg"))

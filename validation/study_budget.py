@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import gmwm
 from gmwm.applications.navigation import budget
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 
 NAME = "budget"
 SEED = 20261125
@@ -51,14 +52,16 @@ MODELS: dict[str, tuple[str, str, int]] = {
 # --- simulators -------------------------------------------------------------------------------------
 
 
-def sensor(text: str, runs: int, samples: int, rng: np.random.Generator) -> Draw:
-    """A function that returns the noise (3, runs) of sample number k."""
+def sensor(text: str, runs: int, samples: int, rng: np.random.Generator, old: Sequence[int]) -> Draw:
+    """A function that returns the noise (3, runs) of sample number k. `old` has 1 for axes whose Gauss-Markov processes
+    are stationary, and 0 for axes in which they start at zero."""
     terms = [(p.name, p.values) for p in gmwm.Model.parse(text).processes]
-    draws = [_term(name, values, runs, samples, rng) for name, values in terms]
+    draws = [_term(name, values, (runs, samples), rng, np.array(old)[:, None]) for name, values in terms]
     return lambda k: np.sum([draw(k) for draw in draws], axis=0)
 
 
-def _term(name: str, values: dict[str, Any], runs: int, samples: int, rng: np.random.Generator) -> Draw:
+def _term(name: str, values: dict[str, Any], size: tuple[int, int], rng: np.random.Generator, old: Any) -> Draw:
+    runs, samples = size
     shape = (3, runs)
     if name == "WN":
         return lambda k: math.sqrt(values["sigma2"]) * rng.standard_normal(shape)
@@ -79,7 +82,7 @@ def _term(name: str, values: dict[str, Any], runs: int, samples: int, rng: np.ra
     else:
         decay = math.exp(-values["beta"] / RATE)
         step = math.sqrt(values["sigma2"] * (1 - decay**2))
-        state = [math.sqrt(values["sigma2"]) * rng.standard_normal(shape)]
+        state = [math.sqrt(values["sigma2"]) * rng.standard_normal(shape) * old]
 
     def walk(k: int) -> Array:
         now = state[0]
@@ -132,17 +135,31 @@ def rotated(q: Array, v: Array) -> Array:
     return v + q[0] * t + cross(q[1:], t)
 
 
-def navigate(gyro: Draw, accel: Draw, runs: int, rest: int, times: Sequence[int]) -> dict[int, dict[str, Array]]:
-    """Errors of attitude (3, runs), velocity and position at `times` (s)."""
+def bias_of_filter(draw: Draw, model: str, runs: int, rest: int) -> Array:
+    """The bias (3, runs) that a Kalman filter with N and K of a model knows after `rest` samples."""
+    numbers = filter_numbers(gmwm.Model.parse(model).processes, RATE)
+    white, walk = numbers.N**2 * RATE, numbers.K**2 / RATE
+    bias, variance = np.zeros((3, runs)), math.inf
+    for k in range(rest):
+        gain = 1.0 if math.isinf(variance) else variance / (variance + white)
+        bias, variance = bias + gain * (draw(k) - bias), gain * white + walk
+    return bias
+
+
+def navigate(
+    models: tuple[str, str], runs: int, rest: int, times: Sequence[int], rng: np.random.Generator
+) -> dict[int, dict[str, Array]]:
+    """Errors of attitude (3, runs), velocity and position at `times` (s) with the models of gyroscopes and
+    accelerometers."""
+    samples, moving = rest + times[-1] * round(RATE), int(rest > 0)
+    gyro = sensor(models[0], runs, samples, rng, [moving] * 3)
+    accel = sensor(models[1], runs, samples, rng, [0, 0, moving])
     dt = 1 / RATE
     true = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, -math.sin(LATITUDE)])[:, None]
     weight = np.array([0.0, 0.0, GRAVITY])[:, None]
     q, v, p = turn(np.zeros((3, runs))), np.zeros((3, runs)), np.zeros((3, runs))
-    bias, force = np.zeros((3, runs)), np.zeros((3, runs))
+    bias, force = bias_of_filter(gyro, models[0], runs, rest), bias_of_filter(accel, models[1], runs, rest)
     if rest:
-        for k in range(rest):
-            bias += gyro(k) / rest
-            force += accel(k) / rest
         # Levelling: the axes are turned so that the mean force points up. The heading stays.
         q = turn(np.stack([force[1], -force[0], np.zeros(runs)]) / -GRAVITY)
         force[:2] = 0.0
@@ -189,10 +206,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     for k, (name, (gyro, accel, rest)) in enumerate(MODELS.items()):
         runs = (FLICKER_RUNS if "FN" in name else RUNS) // (20 if reduced else 1)
         rng = np.random.default_rng([SEED, k])
-        samples = (times[-1] + rest) * round(RATE)
-        drawn = navigate(
-            sensor(gyro, runs, samples, rng), sensor(accel, runs, samples, rng), runs, rest * round(RATE), times
-        )  # fmt: skip
+        drawn = navigate((gyro, accel), runs, rest * round(RATE), times, rng)
         noise = {f"gyro_{x}": gyro for x in "xyz"} | {f"accel_{x}": accel for x in "xyz"}
         for seconds in times:
             budgeted = budget(noise, float(seconds), rate=RATE, rest=float(rest))

@@ -19,10 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
+from validation import appendix_a
 from validation.comparators import slopes, vaccaro_zaki
 from validation.comparison_words import draw as draw  # the picture beside the record
 from validation.comparison_words import table as table
 from validation.log_sampled import EACH, most_likely_blocks
+
+further = appendix_a.section
+"""The last section of the page."""
 
 NAME = "comparison"
 SEED = 20261207

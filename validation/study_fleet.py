@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from gmwm.applications.fleets.findings import deviants
+from gmwm.applications.fleets.statistics_result import deviants
 from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from validation.legend import legend
 

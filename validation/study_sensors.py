@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
-from functools import cache, partial
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.choosing.datasheets.filter_numbers import filter_numbers
-from validation import sensors
+from validation import filter_truth, sensors
 from validation.legend import legend
 
 NAME = "sensors"
@@ -37,8 +36,6 @@ REPEATS = 40
 REDUCED = ("base", "flicker-weak", "agree-20s")
 ACCEPTED = 0.01
 """p-value of the goodness-of-fit test below which a model counts as rejected."""
-SLOW = 0.01
-"""Correlation time, as a share of the recording, from which a Gauss-Markov process can be taken for a random walk."""
 PARTIAL = Path(__file__).resolve().parent.parent / "build" / "sensors"
 ALL = (*sensors.KINDS, *sensors.PAIRS)
 
@@ -85,16 +82,10 @@ def _told(one: sensors.Recording, found: gmwm.Calibration) -> Outcome:
     numbers = {
         symbol: {
             "value": e.value, "low": e.low, "high": None if e.high is None or math.isinf(e.high) else e.high,
-            "limit": e.upper_only, "term": e.term,
+            "limit": e.upper_only, "term": e.term, "use": found.number_verdicts[one.axis][symbol].usability.value,
         }
         for symbol, e in axis.datasheet.items()
     }  # fmt: skip
-    # Where the datasheet has them, N and K of the white noise and the random walk stand for those of a filter.
-    for symbol, process in (("N", "WN"), ("K", "RW")):
-        if f"{symbol} of {process}" in numbers:
-            numbers[symbol] = numbers.pop(f"{symbol} of {process}")
-        elif symbol == "K" and process not in axis.fit.model.structure:
-            numbers.pop(symbol, None)
     wv = axis.fit.wavelet_variance
     return {
         "truth": {k: v for k, v in asdict(one.truth).items() if v is not None},
@@ -108,7 +99,6 @@ def _told(one: sensors.Recording, found: gmwm.Calibration) -> Outcome:
         "pvalue": None if axis.test is None else axis.test.pvalue,
         "misfit": (wv.variance / axis.fit.implied - 1).tolist(),
         "robust": wv.robust,
-        "verdict": found.verdict.code,
         "codes": sorted({remark.code for remark in found.remarks}),
     }
 
@@ -165,7 +155,8 @@ def _of_kind(kind: str, repeats: int, folder: Path | None, shared: Callable[...,
 def _sources() -> str:
     """A hash of the sources of gmwm and of the simulators."""
     folder = Path(gmwm.__file__).parent
-    files = sorted([*folder.rglob("*.py"), *folder.rglob("*.toml"), *folder.rglob("*.so"), Path(sensors.__file__)])
+    simulators = [Path(str(module.__file__)) for module in (sensors, filter_truth)]
+    files = sorted([*folder.rglob("*.py"), *folder.rglob("*.toml"), *folder.rglob("*.so"), *simulators])
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
@@ -174,9 +165,8 @@ def _sources() -> str:
 
 def summarised(kind: str, rows: Sequence[Outcome]) -> dict[str, Any]:
     """Bias, coverage and shares over the recordings of one kind; a share of nothing is None."""
-    density = [r["numbers"]["N"] for r in rows if "N" in r["numbers"] and not r["numbers"]["N"]["limit"]]
     ratios = [entry["value"] / true for row in rows for entry, true in _pairs(row, "N")]
-    widths = [(n["high"] - n["low"]) / (2 * n["value"]) for n in density if n["low"] and n["high"]]
+    widths = [(n["high"] - n["low"]) / (2 * n["value"]) for row in rows for n, _ in _pairs(row, "N")]
     models = Counter(r["model"] for r in rows)
     known = [r for r in rows if "structure" in r["truth"]]
     row = {
@@ -185,12 +175,11 @@ def summarised(kind: str, rows: Sequence[Outcome]) -> dict[str, Any]:
         "N_ratio": float(np.median(ratios)) if ratios else None,
         "N_off": float(np.percentile(np.abs(np.log(ratios)), 90)) if ratios else None,
         "N_width": float(np.median(widths)) if widths else None,
-        "N_missing": len(rows) - len(ratios),
-        **{f"{name}_covered": _share(_scores(rows, name)) for name in ("N", "K", "B", "T_c", "q_c")},
-        **{f"{name}_scored": len(_scores(rows, name)) for name in ("N", "K", "B", "T_c", "q_c")},
-        "K_limit_holds": _share(_limits(rows)),
-        "K_false": _share([_given(r, "K") is not None for r in rows if r["truth"].get("K") == 0]),
-        **{state: _share([r["verdict"] == f"verdict-{state}" for r in rows]) for state in _STATES},
+        **{f"{name}_covered": _share(_scores(rows, name)) for name in _COUNTED},
+        **{f"{name}_scored": len(_scores(rows, name)) for name in _COUNTED},
+        **{f"{name}_bound_holds": _share(_limits(rows, name)) for name in MAIN},
+        **{f"{name}_bounds": len(_limits(rows, name)) for name in MAIN},
+        **{f"{name}_refused": _share([_use(r, name) in ("", DO_NOT_USE) for r in rows]) for name in MAIN},
         "robust": _share([r["robust"] for r in rows]),
         "rejected": _share([r["pvalue"] < ACCEPTED for r in rows if r["pvalue"] is not None]),
         "model": models.most_common(1)[0][0],
@@ -212,10 +201,9 @@ def _share(held: Sequence[bool]) -> float | None:
     return sum(map(bool, held)) / len(held) if held else None
 
 
-def _given(row: Outcome, symbol: str) -> dict[str, Any] | None:
-    """A number that is reported with a value, not as a limit."""
-    entry: dict[str, Any] | None = row["numbers"].get(symbol)
-    return entry if entry is not None and not entry["limit"] and entry["high"] is not None else None
+def _use(row: Outcome, symbol: str) -> str:
+    """The verdict of a number; empty if the datasheet does not have it."""
+    return str(row["numbers"].get(symbol, {"use": ""})["use"])
 
 
 def _scores(rows: Sequence[Outcome], name: str) -> list[bool]:
@@ -224,43 +212,25 @@ def _scores(rows: Sequence[Outcome], name: str) -> list[bool]:
 
 
 def _pairs(row: Outcome, name: str) -> Iterator[tuple[dict[str, Any], float]]:
+    """The numbers that a user may use, each with its true value."""
     truth = row["truth"]
     if name in ("T_c", "q_c"):
-        entries = [e for symbol in _of_terms(row, name) if (e := _given(row, symbol)) is not None]
+        symbols = _of_terms(row, name)
+        entries = [row["numbers"][symbol] for symbol in symbols if _use(row, symbol) == USE]
         terms = sorted(truth["gm"], key=lambda term: float(term[1]))
         # With another number of terms, none of them is the true one.
-        if len(_of_terms(row, name)) == len(terms) == len(entries):
+        if len(symbols) == len(terms) == len(entries):
             for entry, (variance, period) in zip(entries, terms, strict=True):
                 yield entry, period if name == "T_c" else math.sqrt(2 * variance / period)
-        return
-    given = _given(row, name)
-    if given is None:
-        return
-    # B is the coefficient of a flicker term, or the lowest point of the curve if it belongs to no term.
-    true = truth.get("lowest" if name == "B" and given["term"] is None else name)
-    if true and name in ("N", "K") and given["term"] is None:
-        true = _of_filter(json.dumps(truth), row["rate"])[name]
-    elif true and name == "K" and "walk-or-markov" in row["codes"]:
-        # The calibration says that K may be that of a slow Gauss-Markov process, which is a walk with K = q_c.
-        duration = row["samples"] / row["rate"]
-        slow = sum(2 * variance / period for variance, period in truth["gm"] if period >= SLOW * duration)
-        true = math.sqrt(true**2 + slow)
-    if true:
-        yield given, true
+    elif _use(row, name) == USE and (true := _truth(row, name)):
+        yield row["numbers"][name], true
 
 
-@cache
-def _of_filter(truth: str, rate: float) -> dict[str, float]:
-    """N and K of the filter that predicts 1 s best, for the true noise as JSON."""
-    told = json.loads(truth)
-    terms: list[gmwm.Process] = [gmwm.WN(sigma2=told["N"] ** 2 * rate)]
-    terms += [gmwm.GM(beta=1 / period, sigma2=variance) for variance, period in told["gm"]]
-    if told.get("K"):
-        terms.append(gmwm.RW(gamma2=told["K"] ** 2 / rate))
-    if told.get("B"):
-        terms.append(gmwm.FN(b2=told["B"] ** 2))
-    numbers = filter_numbers(terms, rate)
-    return {"N": numbers.N, "K": numbers.K}
+def _truth(row: Outcome, name: str) -> float | None:
+    """The true N and K of a filter; B is the coefficient of a flicker term, or the lowest point of the curve."""
+    key = name if name == "B" and row["numbers"]["B"]["term"] else {"B": "lowest"}.get(name, f"filter_{name}")
+    true: float | None = row["truth"].get(key)
+    return true
 
 
 def _of_terms(row: Outcome, name: str) -> list[str]:
@@ -268,12 +238,10 @@ def _of_terms(row: Outcome, name: str) -> list[str]:
     return [symbol for symbol in row["numbers"] if symbol == name or symbol.startswith(f"{name}[")]
 
 
-def _limits(rows: Sequence[Outcome]) -> list[bool]:
-    """Whether K reported as a limit is above the true one."""
-    given = [(r["numbers"].get("K"), r["truth"].get("K")) for r in rows]
-    return [
-        entry["high"] is None or entry["high"] >= true for entry, true in given if entry and entry["limit"] and true
-    ]
+def _limits(rows: Sequence[Outcome], name: str) -> list[bool]:
+    """Whether each number that is to be used as a bound is above the true one."""
+    bounds = [(row["numbers"][name]["high"], _truth(row, name)) for row in rows if _use(row, name) == BOUND]
+    return [high >= true for high, true in bounds if true]
 
 
 def _terms(structure: str) -> Counter[str]:
@@ -292,18 +260,20 @@ def _among(row: Outcome, *, exact: bool) -> bool:
     return wanted in found if exact else any(one <= wanted for one in found)
 
 
+MAIN = ("N", "K", "B")
+USE, BOUND, DO_NOT_USE = "use", "use as a bound", "do not use"
+"""Verdicts of numbers."""
+_COUNTED = (*MAIN, "T_c", "q_c")
 _COLUMNS: Mapping[str, str] = {
     "kind": "kind", "recordings": "R", "N_ratio": "N / truth", "N_off": "90 % of \\|ln\\|", "N_width": "half-interval",
-    "N_covered": "N covered", "K_covered": "K covered", "K_limit_holds": "K limit holds", "K_false": "K false",
-    "B_covered": "B covered", "T_c_covered": "T_c covered", "q_c_covered": "q_c covered", "clean": "clean",
-    "usable": "usable", "wrong": "wrong", "unusable": "unusable", "robust": "robust", "rejected": "rejected",
+    **{f"{name}_{column}": f"{name} {title}" for name in MAIN for column, title in (
+        ("covered", "covered"), ("bound_holds", "bound holds"), ("refused", "refused"))},
+    "T_c_covered": "T_c covered", "q_c_covered": "q_c covered", "robust": "robust", "rejected": "rejected",
     "model": "most often",
     "recommended": "truth recommended", "in_set": "truth in the set",
     "in_set_or_contains": "in the set, or contains one of it",
     "warm-up": "warm-up", "coarse-output": "coarse", "walk-or-markov": "walk or Markov", "alarms": "agree alarms",
 }  # fmt: skip
-_STATES = ("clean", "usable", "wrong", "unusable")
-_COUNTED = ("N", "K", "B", "T_c", "q_c")
 
 
 def table(result: dict[str, Any]) -> str:
@@ -317,19 +287,16 @@ def table(result: dict[str, Any]) -> str:
         *legend(
             {
                 "N / truth": (
-                    "median ratio; the true N is the density at low frequencies after the filter and "
-                    "the rounding of the sensor, without outliers. If the datasheet has no number of the white noise "
-                    "or the random walk alone, the true N and K are those of a filter that predicts 1 s; they leave "
-                    "out the memory of a filter in the sensor and the shape of a resonance, which change N by some per "
-                    "cent"
+                    "median ratio of N with the verdict *use*; the true N and K are those of the filter that predicts "
+                    "the true spectrum over 1 s best, with the filter, resonances and rounding of the sensor, without "
+                    "outliers and warm-up"
                 ),
                 "covered": (
-                    "share of 95 % intervals that contain the true value, among intervals that are "
-                    "not only a limit (their number is in parentheses). If the remark `walk-or-markov` "
-                    "says that K may describe a slow Gauss-Markov process, the true K includes its "
-                    "q_c"
+                    "share of 95 % intervals that contain the true value, among numbers with the verdict *use* (their "
+                    "number is in parentheses)"
                 ),
-                "K false": "share of recordings with a value of K although there is no random walk",
+                "bound holds": "share of limits above the true value, among numbers with the verdict *use as a bound*",
+                "refused": "share of recordings in which the number has the verdict *do not use*, or is missing",
                 "rejected": f"share of goodness-of-fit tests with p below {ACCEPTED:g}",
                 "in the set": (
                     "share of recordings in which the model is among the equivalent models. No equivalent model "
@@ -361,8 +328,8 @@ def _cell(row: Mapping[str, Any], name: str) -> str:
         return str(value)
     if name in ("N_off", "N_width"):
         return f"{value:.2%}"
-    scored = name.removesuffix("_covered")
-    return f"{value:.0%}" + (f" ({row[f'{scored}_scored']})" if scored in _COUNTED else "")
+    count = row.get(name.replace("_covered", "_scored").replace("_bound_holds", "_bounds"))
+    return f"{value:.0%}" + (f" ({count})" if name.endswith(("_covered", "_bound_holds")) else "")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

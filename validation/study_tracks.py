@@ -20,10 +20,10 @@ import gmwm
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import quiet
 from gmwm.showing.plots.figure import Figure, Mark, Polyline
+from gmwm.showing.plots.likelihood import WORDS, tracks_figure
 from gmwm.showing.plots.matplotlib import draw as drawn
 from gmwm.showing.plots.matplotlib import save
 from gmwm.showing.plots.trace import extremes_there
-from gmwm.showing.plots.tracks import WORDS, tracks_figure
 from validation import recordings
 from validation.legend import legend
 

@@ -11,9 +11,9 @@ import numpy as np
 import gmwm
 from gmwm.showing.plots.figure import Figure, Panel
 from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.labels import ViewName
 from gmwm.showing.plots.matplotlib import draw
 from gmwm.showing.plots.series import signal_panel
-from gmwm.showing.plots.view import ViewName
 
 RATE = 100.0
 SAMPLES = 60_000

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import gmwm
-from gmwm.showing.plots.axes import time_axis
+from gmwm.showing.plots.axes import even_axis, time_axis
 from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke
-from gmwm.showing.plots.linear import even_axis
 from gmwm.showing.plots.matplotlib import draw
 from gmwm.showing.plots.style import BLUE, VERMILLION
 

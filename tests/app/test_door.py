@@ -12,8 +12,8 @@ import gmwm
 
 pytest.importorskip("dash", reason="needs Dash: pip install '.[app]'")
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.server import LARGEST_CALLBACK, application, open_path
+from gmwm.applications.app.workspace import Desk
 
 pytestmark = pytest.mark.slow
 

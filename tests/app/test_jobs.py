@@ -4,7 +4,7 @@ import re
 import threading
 import time
 
-from gmwm.applications.app.jobs import Cancelled, Jobs
+from gmwm.applications.app.workspace import Cancelled, Jobs
 
 
 def test_a_result_is_made_once():

@@ -8,8 +8,7 @@ import jsonschema
 import pytest
 
 import gmwm
-from gmwm.applications.app.commands import python_lines, shell_lines
-from gmwm.applications.app.session import EMPTY, FORMAT, VERSION, Session
+from gmwm.applications.app.session import EMPTY, FORMAT, VERSION, Session, python_lines, shell_lines
 from gmwm.base.errors import GmwmError, ModelError, OptionError, ReadError
 from gmwm.cli.main import app
 from tests.helpers import raises

@@ -5,8 +5,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.app.figures import axis_at, fit_figure, movable
+from gmwm.applications.app.page.model import adding, held_at, holding, removing, replacing
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
 from gmwm.base.errors import OptionError
 from tests.helpers import raises
 

@@ -7,9 +7,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.app.folders import Folders
-from gmwm.applications.app.jobs import Jobs
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.workspace import Jobs, Workspace
 
 RATE, SAMPLES = 20.0, 60_000
 ENDS = 1.0

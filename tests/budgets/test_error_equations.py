@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.applications.navigation.response import navigation
+from gmwm.applications.navigation.api import navigation
 from gmwm.base.axis_names import AXES
 
 RADIUS, EARTH_RATE, GRAVITY = 6.371e6, 7.292115e-5, 9.81

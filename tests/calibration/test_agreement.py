@@ -97,7 +97,7 @@ def test_recordings_of_one_unit_agree(three):
         ("gyro_x", "N"), ("gyro_x", "K"), ("gyro_y", "N"), ("gyro_y", "T_c"), ("gyro_y", "q_c"),
     }  # fmt: skip
     assert found.verdict.facts["state"] == "all"
-    assert found.verdict.facts["compared"] == len(found.compared)
+    assert found.verdict.facts["compared"] == len(found.compared) + len(found.sensors)
     assert "recordings-differ:agreement" not in codes(found.remarks)
     assert found.summary().count("≠") == 1, "only in the legend"
 
@@ -157,7 +157,7 @@ def test_it_is_plain_numbers(changed):
     found = agree(changed, reference={"gyro.N": (0.2, "deg/√h")})
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert content["disagreeing"] == ["gyro_y.N of WN"]
-    assert content["compared"] == len(found.compared)
+    assert content["compared"] == len(found.compared) + len(found.sensors)
     assert len(content["rows"]) == len(found) == len(list(found))
     assert content["rows"][0]["reference"]["unit"] == "deg/√h"
     assert [Remark.from_dict(one) for one in content["remarks"]] == list(found.remarks)
@@ -413,3 +413,57 @@ def test_an_axis_that_is_absent_is_not_a_model_without_a_number(calibration):
         assert gone.fit.model.structure.replace(" ", "") in row
         (beside,) = [line for line in found.summary().splitlines() if line.strip().startswith("accel_x N  ")]
         assert beside.endswith(said)
+
+
+# --- all axes of a sensor ------------------------------------------------------------------------------
+
+
+def unit_of(values, error=0.1, low=("gyro_x", "gyro_y", "gyro_z")):
+    """Sheets of three axes, each with one K and its standard error on the logarithmic scale."""
+    return {axis: sheet(point("K", value, error, unit="rad/s/√s")) for axis, value in zip(low, values, strict=True)}
+
+
+def test_a_common_change_of_all_axes_is_found_that_no_axis_shows():
+    found = agree([unit_of([1e-5, 2e-5, 3e-5]), unit_of([1.3e-5, 2.6e-5, 3.9e-5])], labels=["monday", "tuesday"])
+    assert found.disagreeing == ()
+    (shared,) = found.sensors
+    assert (shared.sensor, shared.symbol, shared.axes) == ("gyro", "K", ("gyro_x", "gyro_y", "gyro_z"))
+    assert shared.factors[0] == (1.0, 1.0, 1.0)
+    # Three log-ratios with the standard error 0.1 √2: the error of their mean is 0.1 √(2/3).
+    half = Z * 0.1 * math.sqrt(2 / 3)
+    assert shared.factors[1] == pytest.approx((1.3, 1.3 * math.exp(-half), 1.3 * math.exp(half)))
+    assert shared.pvalue == pytest.approx(math.erfc(math.log(1.3) / (0.1 * math.sqrt(2 / 3)) / math.sqrt(2)))
+    assert shared.agrees is False
+    remark = only(found.remarks, "recordings-differ:sensor")
+    assert remark.subject == "K of gyro"
+    assert "1.3 (1.11 … 1.53) in tuesday" in str(remark)
+    assert "gyro K" in found.summary()
+    assert found.verdict.facts["differing"] == 1
+
+
+def test_the_test_of_a_sensor_has_its_size():
+    generator = np.random.default_rng(5)
+    named = []
+    for _ in range(2000):
+        errors = generator.uniform(0.05, 0.3, (3, 3))
+        logs = np.log([1e-5, 2e-5, 3e-5]) + errors * generator.standard_normal((3, 3))
+        logs[generator.uniform(size=(3, 3)) < 0.1] = np.nan  # an upper limit, which has no place in this test
+        units = [
+            {
+                axis: sheet(limit("K", 1e-5, 9e-5) if np.isnan(x) else point("K", math.exp(x), error, unit="rad/s/√s"))
+                for axis, x, error in zip(("gyro_x", "gyro_y", "gyro_z"), *row, strict=True)
+            }
+            for row in zip(logs, errors, strict=True)
+        ]
+        named.append([shared.agrees is False for shared in agree(units).sensors] == [True])
+    assert 0.035 < np.mean(named) < 0.065
+
+
+def test_recordings_without_a_common_axis_have_no_factor():
+    alone = unit_of([1e-5, 2e-5], low=("accel_x", "accel_y"))
+    found = agree([unit_of([1e-5, 2e-5, 3e-5]), alone, unit_of([1e-5, 2e-5, 3e-5])])
+    (shared,) = found.sensors
+    assert shared.factors[1] is None
+    assert shared.factors[2] == pytest.approx((1.0, math.exp(-0.16003), math.exp(0.16003)), rel=1e-4)
+    assert found.summary()
+    assert agree([{"gyro_x": sheet(point("K", 1.0, 0.1))}] * 2).sensors == (), "one axis is its own test"

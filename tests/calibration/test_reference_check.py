@@ -63,7 +63,7 @@ def test_the_factor_is_that_of_the_file_in_any_convention(calibration, format, s
     for row in found:
         truth = (N if row.symbol == "N" else K)[row.axis.rpartition("_")[0]]
         assert row.reference == pytest.approx(size * truth, rel=1e-5)
-        assert row.factor == pytest.approx(size, rel=0.05 if row.symbol == "N" else 0.8)
+        assert 1 / row.ratio == pytest.approx(size, rel=0.05 if row.symbol == "N" else 0.8)
         if size == 1.0:
             refused = calibration.number_verdicts[row.axis][row.symbol].usability.value == "do not use"
             assert row.verdict in (("unusable",) if refused else ("agrees", "close"))
@@ -119,7 +119,7 @@ def test_an_upper_limit_agrees_with_less_and_not_with_more():
 
         row = found.agree(replace(given, written={"gyro_x": {"K": ("gyr_w", 1.0), "N": ("gyr_n", 1.0)}}))["gyro_x.K"]
         assert row.verdict == verdict
-        assert row.factor == pytest.approx(size, rel=1e-6)
+        assert row.ratio == pytest.approx(1 / size, rel=1e-6)
 
 
 def test_documents_and_errors(calibration, tmp_path):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several import addition as module
-from gmwm.applications.several.addition import SharedNoiseAddition, block_means, shared_noise
+from gmwm.applications.several import cross as module
+from gmwm.applications.several.cross import SharedNoiseAddition, block_means, shared_noise
 from gmwm.applications.several.result import SharedNoise
 from gmwm.base.remarks import texts
 from gmwm.calibration import Calibration

@@ -11,7 +11,8 @@ from gmwm.base.text import round_text
 from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
-from gmwm.showing.plots.imu import imu_figure
+from gmwm.showing.plots.figure import description
+from gmwm.showing.plots.imu import plot_imu
 from tests.helpers import codes, only
 
 from .conftest import WITHIN
@@ -178,7 +179,7 @@ def test_one_gauss_markov_term_is_in_the_row_of_the_first_of_two():
 @pytest.mark.slow
 @pytest.mark.parametrize("split", [True, False])
 def test_the_pictures_show_every_axis(calibration, split, tmp_path):
-    figure = imu_figure(calibration, split=split)
+    figure = description(plot_imu)(calibration, split=split)
     panels = [panel for row in figure.rows for panel in row if panel is not None]
     assert len(panels) == (3 if split else 2)
     calibration.plot(split=split, path=tmp_path / "calibration.png")

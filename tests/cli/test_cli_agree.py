@@ -124,8 +124,8 @@ def test_one_calibration_against_a_file(gmwm, tmp_path):
     outcome = gmwm("agree", tmp_path, "--reference", tmp_path / "old.yaml")
     assert outcome.code == 0
     assert "gyr_n 0.002" in outcome.out
-    assert "larger than measured" in outcome.out
+    assert "reference larger" in outcome.out
     content = gmwm("agree", tmp_path, "--reference", "gyro.N=0.34deg/√h", "--json").json
-    assert content["rows"][0]["factor"] == pytest.approx(1.0, rel=0.05)
+    assert content["rows"][0]["ratio"] == pytest.approx(1.0, rel=0.05)
     assert "--reference" in gmwm("agree", tmp_path).err
     assert "gmwm agree" in gmwm("compare", tmp_path / "calibration.json").err

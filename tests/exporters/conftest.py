@@ -11,8 +11,7 @@ import gmwm
 from gmwm.base.template import fact_text
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.measuring.variance.api import wavelet_variance
-from gmwm.showing.exporters.api import _options
-from gmwm.showing.exporters.base import find_exporter
+from gmwm.showing.exporters.base import _options, find_exporter
 from gmwm.showing.exporters.text import plain
 from gmwm.theory.processes import Model
 

@@ -10,8 +10,7 @@ import gmwm
 from gmwm import GM
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.showing.exporters import export_formats
-from gmwm.showing.exporters.api import _options
-from gmwm.showing.exporters.base import find_exporter
+from gmwm.showing.exporters.base import _options, find_exporter
 from tests.helpers import code_of
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words

@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
+from scipy.signal import lfilter
 
-from gmwm.choosing.datasheets.effective import Use
+from gmwm.choosing.datasheets.effective import Use, claim, true_until
 from gmwm.choosing.datasheets.filter_numbers import FilterPrediction, best_gain, smallest_error
 from gmwm.showing.exporters import quality
 from gmwm.showing.exporters.quality import TIMES, Quality, predictions, qualities
@@ -83,13 +84,41 @@ def test_the_file_states_them_and_names_the_remedy(units):
 
 
 @pytest.mark.parametrize(
-    ("claims", "sentence"), [((1.0, 1.0, 1.4), "up to 10 s"), ((1.0, 0.75, 0.73), "up to 1 s"), ((1.0, 0.9, 1.2), "")]
+    ("until", "sentence"),
+    [
+        (10.0, "Gyroscopes: N and K hold up to 10 s; beyond, set the horizon"),
+        (200.0, "N and K hold up to 200 s (gyroscopes), 200 s (accelerometers): until then, stated / real error is"),
+        (None, ""),
+    ],
 )
-def test_the_file_says_up_to_which_time_the_numbers_hold(units, monkeypatch, claims, sentence):
-    monkeypatch.setattr("gmwm.showing.exporters.quality.qualities", lambda axis: [Quality(1.0, c) for c in claims])
+def test_the_file_says_up_to_which_time_the_numbers_hold(units, monkeypatch, until, sentence):
+    monkeypatch.setattr("gmwm.showing.exporters.quality.true_until", lambda *_: until)
     text = words(units["quantized"].export())
     assert ("N and K hold up to" in text) == bool(sentence)
     assert sentence in text
+
+
+def test_n_and_k_hold_while_the_stated_error_is_0_8_to_1_3_times_the_real_one(units):
+    """The real error of the filter is a quadratic form of its weights, with the covariance of WN + GM."""
+    axis = axis_of(units["gauss-markov"], "gyro_z")
+    processes = {process.name: process for process in axis.fit.model.processes}
+    phi, s2 = math.exp(-processes["GM"].value("beta") / RATE), processes["GM"].value("sigma2")
+    white = processes["WN"].value("sigma2")
+    r, q = axis.N.value**2 * RATE, axis.K.value**2 / RATE
+    before = (q + math.sqrt(q * q + 4 * q * r)) / 2
+    gain = before / (before + r)
+
+    def ratio(seconds):
+        n = round(seconds * RATE)
+        old = -gain * (1 - gain) ** np.arange(round(20 / gain))[::-1]
+        weights = np.r_[old, np.full(n, 1 / n)]
+        real = white * weights @ weights + s2 * weights @ (2 * lfilter([1], [1, -phi], weights) - weights)
+        ahead = (1 - gain) * before + q * sum((n - k) ** 2 for k in range(n)) / n**2
+        return math.sqrt((ahead + r / n) / real)
+
+    until = true_until(axis.fit, axis.N.value, axis.K.value)
+    assert ratio(until) == pytest.approx(claim(axis.fit, axis.N.value, axis.K.value, until), rel=0.02)
+    assert 0.8 <= ratio(until) <= 1.3 < ratio(2.5 * until)
 
 
 @pytest.mark.parametrize(("loss", "advised"), [(1.15, False), (1.3, True)])

@@ -13,8 +13,7 @@ import gmwm
 from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.applications.fleets import Fleet, unit_job
 from gmwm.applications.fleets.discovery import find_units
-from gmwm.applications.fleets.table import RUN_AGAIN
-from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
+from gmwm.applications.fleets.unit_job import RUN_AGAIN, UnitJob, UnitOptions
 from gmwm.applications.fleets.workers import Cluster, allowing_lost_workers, run_jobs
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions

@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 from scipy import stats
 
-from gmwm.applications.fleets.findings import deviants, looked_for, of_units
 from gmwm.applications.fleets.statistics import fleet_statistics, hotelling
+from gmwm.applications.fleets.statistics_result import deviants, looked_for, of_units
 from gmwm.applications.fleets.summary_text import summary
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.random_effects import between_units, effects, prediction_limits, spread_limits

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm.applications.several.conic import Cone, least_squares
-from gmwm.applications.several.moments import entries
+from gmwm.applications.several.matrices import entries
 from gmwm.base import _core
 
 

@@ -16,6 +16,7 @@ from gmwm.base.multiple_tests import holm
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance import wavelet_variance
 from gmwm.recording import batches
+from gmwm.showing.plots.figure import description
 from gmwm.theory.processes.model import Model
 from tests.helpers import code_of, raises
 
@@ -156,7 +157,7 @@ def test_what_a_user_sees(tmp_path):
     assert pickle.loads(pickle.dumps(found)).summary() == found.summary()
     found.plot(path=tmp_path / "cross.png")
     assert (tmp_path / "cross.png").stat().st_size > 10_000
-    panels = plots.cross_figure(found).panels
+    panels = description(plots.plot_cross)(found).panels
     assert [panel.title for panel in panels][:2] == ["Gyroscope X, Y", "Gyroscope X, Z"]
     assert repr(found).startswith("CrossCovariance(gyro_x, ")
 

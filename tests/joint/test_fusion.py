@@ -8,8 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.several import fuse
-from gmwm.applications.several.difference_filter import ArrayNoise, wavelet_variance
 from gmwm.applications.several.fusion import best_weights
+from gmwm.applications.several.fusion_result import ArrayNoise, wavelet_variance
 from gmwm.applications.several.matrices import wavelet_matrices
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.files.readers import read_array

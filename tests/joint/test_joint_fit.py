@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.applications.several import fit_joint
-from gmwm.applications.several.plots import joint_figure
-from gmwm.applications.several.search import _derivatives
-from gmwm.applications.several.terms import joint_terms
+from gmwm.applications.several.plots import plot_joint
+from gmwm.applications.several.search import _derivatives, joint_terms
 from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.showing.plots.figure import description
 
 RATE = 100.0
 AXES = ("gyro_x", "gyro_y", "gyro_z")
@@ -155,7 +155,7 @@ def test_what_a_user_sees(fitted, tmp_path):
     assert repr(fitted) == "JointFit(gyro_x, gyro_y, gyro_z: WN + shared(RW))"
     fitted.plot(path=tmp_path / "joint.png")
     assert (tmp_path / "joint.png").stat().st_size > 10_000
-    titles = [panel.title for panel in joint_figure(fitted).panels]
+    titles = [panel.title for panel in description(plot_joint)(fitted).panels]
     assert titles[:3] == ["Gyroscope X", "Gyroscope X, Y", "Gyroscope Y"]
     with pytest.raises(OptionError):
         fitted.shared("GM")

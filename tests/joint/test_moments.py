@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several.moments import _by_polarisation, lag_products, moment_covariance, stack, symmetric
+from gmwm.applications.several.matrices import _by_polarisation, lag_products, moment_covariance, stack, symmetric
 from gmwm.measuring.covariance.design import Design
 
 PROCESSES = (gmwm.WN(sigma2=1.0), gmwm.RW(gamma2=1.0), gmwm.GM(beta=0.05, sigma2=1.0), gmwm.QN(q2=1.0))

@@ -16,15 +16,13 @@ from gmwm.applications.monitor.charts import (
     Charts,
     ChartSettings,
     differences,
-    white_shape,
-    window,
-)
-from gmwm.applications.monitor.thresholds import (
     level_threshold,
     noise_run_length,
     noise_threshold,
     shape_factor,
     spike_limit,
+    white_shape,
+    window,
 )
 from gmwm.base.documents import plain
 

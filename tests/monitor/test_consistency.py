@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm.applications.monitor.consistency import _Innovations, consistency
-from gmwm.applications.monitor.consistency_result import PredictionError
+from gmwm.applications.monitor.consistency import PredictionError, _Innovations, consistency
 from gmwm.base.errors import DataError, OptionError
 from gmwm.choosing.datasheets.filter_numbers import FilterGain
 

@@ -7,14 +7,13 @@ from gmwm.measuring.variance.allan_regression import avlr
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.allan import (
     SLOPES,
-    allan_figure,
     allan_panel,
     avlr_panel,
     plot_allan,
     plot_allan_axes,
     plot_avlr,
 )
-from gmwm.showing.plots.figure import Polyline
+from gmwm.showing.plots.figure import Polyline, description
 from tests.helpers import raises
 
 
@@ -94,7 +93,9 @@ def test_a_place_outside_the_axes_says_so():
 
 def test_sensors_side_by_side():
     axes = {f"{s}_{k}": (s, u) for s, u in {"gyro": "rad/s", "accel": "m/s²"}.items() for k in "xyz"}
-    figure = allan_figure({name: allan_variance(signal(name, unit)) for name, (_, unit) in axes.items()})
+    figure = description(plot_allan_axes)(
+        {name: allan_variance(signal(name, unit)) for name, (_, unit) in axes.items()}
+    )
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
     for panel in figure.panels:
         assert panel.labels == ("X", "Y", "Z", "95 % limits, identified noise")
@@ -137,10 +138,10 @@ def test_what_is_refused(curve):
 def test_slopes_of_several_axes_have_a_panel_each():
     names = ("gyro_x", "gyro_y", "accel_x")
     units = {"g": "rad/s", "a": "m/s²"}
-    figure = allan_figure({name: avlr(allan_variance(signal(name, units[name[0]]))) for name in names})
+    figure = description(plot_allan_axes)({name: avlr(allan_variance(signal(name, units[name[0]]))) for name in names})
     assert [panel.title for panel in figure.panels] == ["Gyroscope X", "Gyroscope Y", "Accelerometer X"]
     for panel in figure.panels:
         assert "Point that gives N" in panel.labels
         assert panel.texts[-1].text.startswith("N = ")
     with raises(OptionError, argument="curves"):
-        allan_figure({"gyro_x": 1.0})
+        description(plot_allan_axes)({"gyro_x": 1.0})

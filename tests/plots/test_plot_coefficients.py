@@ -7,8 +7,8 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.measuring.variance import dwt, modwt
 from gmwm.showing.plots import plot_autocorrelation, plot_coefficients
-from gmwm.showing.plots.residuals import signal_autocorrelation_panel
-from gmwm.showing.plots.series import coefficients_figure
+from gmwm.showing.plots.figure import description
+from gmwm.showing.plots.likelihood import signal_autocorrelation_panel
 from tests.helpers import raises
 
 RATE = 50.0
@@ -19,7 +19,7 @@ RATE = 50.0
 def test_a_pulse_is_drawn_where_it_happened(transformed, filter):
     x = np.zeros(1024)
     x[601] = 1.0
-    figure = coefficients_figure(transformed(x, filter), RATE, levels=[2, 4])
+    figure = description(plot_coefficients)(transformed(x, filter), RATE, levels=[2, 4])
     for (panel,), level in zip(figure.rows, (2, 4), strict=True):
         (line,) = panel.lines
         found = line.x[np.argmax(np.abs(line.y))]
@@ -31,7 +31,7 @@ def test_a_pulse_is_drawn_where_it_happened(transformed, filter):
 def test_only_levels_that_have_coefficients_are_drawn():
     transform = modwt(np.random.default_rng(1).normal(size=256), "d4")
     known = [j for j, inside in transform.interior.items() if inside.start < inside.stop]
-    assert len(coefficients_figure(transform, RATE).rows) == len(known) < transform.levels
+    assert len(description(plot_coefficients)(transform, RATE).rows) == len(known) < transform.levels
     with raises(OptionError, "levels", str(known[-1])):
         plot_coefficients(transform, RATE, levels=[transform.levels])
 

@@ -5,7 +5,8 @@ import pytest
 
 import gmwm
 from gmwm.showing.plots import imu
-from gmwm.showing.plots.overlay import automatic_labels
+from gmwm.showing.plots.curves import automatic_labels
+from gmwm.showing.plots.figure import description
 from tests.helpers import raises
 
 SIGNALS = {
@@ -86,10 +87,10 @@ def test_units_must_be_one():
 
 
 def test_several_curves_in_the_panel_of_an_axis():
-    figure = imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}, "gyro_y": Y})
+    figure = description(imu.plot_imu)({"gyro_x": {"classical": X, "robust": ROBUST}, "gyro_y": Y})
     left, right = figure.rows[0]
     assert left.title == "Gyroscope X"
     assert {mark.label for mark in left.marks} >= {"classical", "robust"}
     assert "classical" not in {mark.label for mark in right.marks}
     with raises(gmwm.errors.OptionError, argument="split", got=False, advises=["split=True"]):
-        imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)
+        description(imu.plot_imu)({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)

@@ -7,10 +7,10 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.curves import ABOVE, wavelet_variance_panel
+from gmwm.showing.plots.curves import ABOVE, overlay_panel, wavelet_variance_panel
+from gmwm.showing.plots.figure import description
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.imu import imu_figure
-from gmwm.showing.plots.overlay import overlay_panel
+from gmwm.showing.plots.imu import plot_imu
 from gmwm.showing.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
 from gmwm.theory.processes import registry
 from tests.helpers import raises
@@ -171,7 +171,7 @@ def test_levels_left_out_are_open_symbols(fit):
 
 
 def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
-    figure = imu_figure(six)
+    figure = description(plot_imu)(six)
     assert [[panel.title for panel in row] for row in figure.rows] == [
         [f"{sensor} {letter}" for letter in "XYZ"] for sensor in ("Gyroscope", "Accelerometer")
     ]
@@ -192,7 +192,7 @@ def test_terms_look_alike_in_all_panels_and_alone(fit, wv):
     text = "RW(gamma2=1e-13) + GM(beta=5.0, sigma2=6e-9) + GM(beta=0.1, sigma2=6e-9) + WN(sigma2=7e-7)"
     twice = gmwm.Model.parse(text)
     other = replace(fit, model=twice, decomposition=twice.decomposition(wv.levels, wv.rate))
-    figure = imu_figure({"gyro_x": other, "gyro_y": fit})
+    figure = description(plot_imu)({"gyro_x": other, "gyro_y": fit})
     for panel, one in zip(figure.panels, (other, fit), strict=True):
         alone = looks(fit_panel(one))
         assert set(alone) == set(one.decomposition)
@@ -295,20 +295,20 @@ def test_terms_lie_over_the_model_and_under_the_data(fit):
 
 def test_a_term_that_is_zero_says_so_in_a_grid_too(fit):
     none = replace(fit, decomposition={**fit.decomposition, "QN": np.zeros_like(fit.implied)})
-    full, bare = imu_figure({"gyro_x": fit, "gyro_y": none}).panels
+    full, bare = description(plot_imu)({"gyro_x": fit, "gyro_y": none}).panels
     assert (full.texts, [text.text for text in bare.texts]) == ((), ["QN: zero"])
     assert full.y.limits == bare.y.limits
 
 
 def test_limits_of_several_curves_have_a_neutral_swatch(wv, six):
-    assert {band.swatch for panel in imu_figure(six, split=False).panels for band in panel.bands} == {GREY}
+    assert {band.swatch for panel in description(plot_imu)(six, split=False).panels for band in panel.bands} == {GREY}
     assert {band.swatch for band in overlay_panel({"alone": wv}).bands} == {""}
 
 
 @pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("names", [["gyro_y"], ["gyro_x", "gyro_z", "accel_z"], ["a", "b", "c", "d"]])
 def test_fewer_axes_and_other_names(wv, split, names, scaled):
-    figure = imu_figure({name: scaled(wv, axis=name) for name in names}, split=split)
+    figure = description(plot_imu)({name: scaled(wv, axis=name) for name in names}, split=split)
     assert sum(len(panel.bands) for panel in figure.panels) == len(names)
     assert len({len(row) for row in figure.rows}) == 1
     lowest = [[row[k] for row in figure.rows if row[k] is not None][-1] for k in range(len(figure.rows[0]))]
@@ -316,10 +316,10 @@ def test_fewer_axes_and_other_names(wv, split, names, scaled):
 
 
 def test_sensors_over_one_another(fit, six):
-    figure = imu_figure(six, split=False)
+    figure = description(plot_imu)(six, split=False)
     assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
     assert figure.labels == ("X", "Y", "Z", "95 % limits, any noise")
-    model = imu_figure({"gyro_y": fit}, split=False, view="wavelet").panels[0]["Y, model"]
+    model = description(plot_imu)({"gyro_y": fit}, split=False, view="wavelet").panels[0]["Y, model"]
     np.testing.assert_array_equal(model.y, fit.implied)
 
 
@@ -337,7 +337,7 @@ def test_curves_of_one_quantity_meet_in_one_unit(wv, scaled):
 @pytest.mark.parametrize("items", [{}, [1, 2], {"gyro_x": np.ones(4)}])
 def test_foreign_things_are_refused(items):
     with raises(OptionError, "WaveletVariance or Fit", argument="items"):
-        imu_figure(items)
+        description(plot_imu)(items)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.fitting.inference import noise_against
 from gmwm.measuring.variance.pooling import pool
-from gmwm.showing.plots.differences import differences_figure
+from gmwm.showing.plots.differences import plot_differences
+from gmwm.showing.plots.figure import description
 from tests.helpers import raises
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
@@ -65,7 +66,7 @@ def test_every_answer_has_tests_of_one_form(kind, request):
         assert test.name
         assert test.lower is None or test.lower <= test.ratio <= test.upper
         assert not test.differs or test.pvalue <= 0.05
-    panel = differences_figure(result).panels[0]
+    panel = description(plot_differences)(result).panels[0]
     drawn = [tick.label for tick in panel.y.ticks]
     # A title that names the only recording or unit replaces its name in each row.
     names = [test.name.partition(", ")[0] if panel.title else test.name for test in result.tests]
@@ -85,7 +86,7 @@ def test_the_ratios_are_those_of_the_parts(agreement, fleet, conditions):
 
 
 def test_the_plot_marks_differences_and_draws_the_clearest(noise):
-    panel = differences_figure(noise, limit=5).panels[0]
+    panel = description(plot_differences)(noise, limit=5).panels[0]
     drawn = [tick.label for tick in panel.y.ticks]
     clearest = sorted(noise.tests, key=lambda test: 1.0 if test.pvalue is None else test.pvalue)[:5]
     assert sorted(drawn) == sorted(test.name for test in clearest)
@@ -102,4 +103,4 @@ def test_nothing_to_draw_is_an_error():
             return ""
 
     with raises(DataError, "nothing to draw"):
-        differences_figure(Nothing())
+        description(plot_differences)(Nothing())

@@ -8,10 +8,11 @@ import polars as pl
 import pytest
 
 from gmwm.applications.fleets import Fleet
-from gmwm.applications.fleets.plot import fleet_figure
+from gmwm.applications.fleets.plot import plot_fleet
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
+from gmwm.showing.plots.figure import description
 from tests.helpers import raises
 
 DEG = datasheet_units("rad/s/√Hz")["deg/√h"]
@@ -39,7 +40,7 @@ def fleet(n, odd=None, sensors=("gyro", "accel")):
 @pytest.mark.parametrize("n", [12, 40, 41, 300])
 def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     told = fleet(n, odd=(5, "y"))
-    figure = fleet_figure(told)
+    figure = description(plot_fleet)(told)
     assert [panel.title for panel in figure.panels] == [
         "Gyroscope N", "Gyroscope K", "Accelerometer N", "Accelerometer K",
     ]  # fmt: skip
@@ -65,7 +66,7 @@ def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
 @pytest.mark.parametrize("n", [12, 300])
 def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     told = fleet(n, odd=(5, "y"))
-    panel = fleet_figure(told).panels[0]
+    panel = description(plot_fleet)(told).panels[0]
     (odd,) = [one for one in told.statistics.outliers if (one.axis, one.symbol) == ("gyro_y", "N")]
     stars = panel["Outlier"]
     np.testing.assert_allclose(stars.y, [odd.value * DEG])
@@ -73,12 +74,12 @@ def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     assert panel.y.limits[0] < stars.y[0] < panel.y.limits[1]
     others = [line for line in panel.lines if line is not stars and line.label and line.stroke.width != 0.8]
     assert all(not np.any(np.isclose(line.y, stars.y[0])) for line in others)
-    assert "1 outlier" in fleet_figure(told).title
-    assert fleet_figure(fleet(n)).title == f"{n} units"
+    assert "1 outlier" in description(plot_fleet)(told).title
+    assert description(plot_fleet)(fleet(n)).title == f"{n} units"
 
 
 def test_few_units_have_a_symbol_and_a_name_each():
-    panel = fleet_figure(fleet(3)).panels[0]
+    panel = description(plot_fleet)(fleet(3)).panels[0]
     assert set(panel.labels) >= {"unit_0", "unit_1", "unit_2"}
     for unit in range(3):
         dots = [line for line in panel.lines if line.label == f"unit_{unit}"]
@@ -87,12 +88,12 @@ def test_few_units_have_a_symbol_and_a_name_each():
     told = fleet(2)
     alike = told.table.with_columns(unit=pl.col("unit").str.replace("lot/unit_(.).csv", "$1/unit.csv"))
     renamed = SimpleNamespace(table=alike, statistics=fleet_statistics(alike))
-    assert set(fleet_figure(renamed).labels) >= {"0", "1"}
+    assert set(description(plot_fleet)(renamed).labels) >= {"0", "1"}
 
 
 @pytest.mark.slow
 def test_limits_are_triangles_beside_the_strip():
-    few, many = (fleet_figure(fleet(n)).panels[1]["Upper limits"] for n in (12, 300))
+    few, many = (description(plot_fleet)(fleet(n)).panels[1]["Upper limits"] for n in (12, 300))
     assert few.y.size == 4
     assert many.y.size == 3
     assert few.stroke.symbol == many.stroke.symbol == "down"
@@ -102,7 +103,7 @@ def test_limits_are_triangles_beside_the_strip():
 def test_small_numbers_are_written_with_a_power_of_ten():
     told = fleet(12)
     table = told.table.with_columns([pl.col(name) * 1e-6 for name in ("N", "N_low", "N_high")])
-    panel = fleet_figure(SimpleNamespace(table=table, statistics=fleet_statistics(table))).panels[0]
+    panel = description(plot_fleet)(SimpleNamespace(table=table, statistics=fleet_statistics(table))).panels[0]
     assert panel.y.label == "N (10⁻⁹ deg/√h)" or panel.y.label == "N (10⁻⁶ deg/√h)"
     assert 0.1 < panel.y.limits[1] < 1000
 
@@ -114,12 +115,12 @@ def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
         assert (tmp_path / "fleet.svg").read_bytes().startswith(b"<?xml")
     empty = told.table.with_columns(status=pl.lit("failed"))
     with raises(OptionError, argument="fleet", advises=["reason"]):
-        fleet_figure(SimpleNamespace(table=empty, statistics=fleet_statistics(empty)))
+        description(plot_fleet)(SimpleNamespace(table=empty, statistics=fleet_statistics(empty)))
 
 
 @pytest.mark.parametrize("n", [3, 12])
 def test_limits_are_inside_the_frame_and_the_legend_is_ordered(n):
-    figure = fleet_figure(fleet(n))
+    figure = description(plot_fleet)(fleet(n))
     for panel in figure.panels:
         assert all(np.nanmax(line.x) < panel.x.limits[1] - 0.1 for line in panel.lines)
     labels = figure.labels

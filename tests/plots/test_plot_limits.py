@@ -8,15 +8,16 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.applications.fleets.plot import HALF_STRIP, _height_axis, fleet_figure
+from gmwm.applications.fleets.plot import HALF_STRIP, _height_axis, plot_fleet
 from gmwm.applications.fleets.statistics import fleet_statistics
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots.allan import _axis_with, allan_panel, avlr_panel
+from gmwm.showing.plots.figure import description
 from gmwm.showing.plots.fit import fit_panel
+from gmwm.showing.plots.likelihood import tracks_figure
 from gmwm.showing.plots.plan import plan_panel
-from gmwm.showing.plots.series import recording_figure, signal_panel
+from gmwm.showing.plots.series import plot_recording, signal_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
-from gmwm.showing.plots.tracks import tracks_figure
 
 NOISE = np.random.default_rng(4).normal(size=4000)
 
@@ -79,13 +80,15 @@ def lot(units, factor=1.05):
 
 
 def test_many_units_are_a_curve_of_400_points():
-    (curve,) = [line for line in fleet_figure(lot(450)).panels[0].lines if line.label == "Units, sorted by value"]
+    (curve,) = [
+        line for line in description(plot_fleet)(lot(450)).panels[0].lines if line.label == "Units, sorted by value"
+    ]
     assert curve.x.size == 400
     assert np.ptp(curve.x) == pytest.approx(2 * HALF_STRIP)
 
 
 def test_an_interval_extends_the_axis_by_a_factor_of_3_at_most():
-    (panel,) = fleet_figure(lot(12, factor=50.0)).panels
+    (panel,) = description(plot_fleet)(lot(12, factor=50.0)).panels
     highest = max(np.nanmax(line.y) for line in panel.lines if line.label.startswith("Unit, "))
     assert 3 * highest < panel.y.limits[1] < 6 * highest
 
@@ -117,7 +120,7 @@ def test_up_to_60_samples_have_a_symbol_each(samples, symbol):
 def test_axes_within_a_factor_of_1000_share_a_power_of_ten(factor, labels):
     values = NOISE[:1000] - NOISE[:1000].mean()
     imu = Imu.from_arrays({"gyro_x": values, "gyro_y": values / factor}, 100.0)
-    assert len({panel.y.label.rpartition("(")[2] for panel in recording_figure(imu).panels}) == labels
+    assert len({panel.y.label.rpartition("(")[2] for panel in description(plot_recording)(imu).panels}) == labels
 
 
 def test_limits_extend_the_axis_of_a_spectrum_by_a_factor_of_5_at_most():

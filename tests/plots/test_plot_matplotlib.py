@@ -8,9 +8,8 @@ from matplotlib.figure import Figure as MatplotlibFigure
 
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_wavelet_variance
-from gmwm.showing.plots.figure import Figure
+from gmwm.showing.plots.figure import Figure, description
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.imu import imu_figure
 from gmwm.showing.plots.matplotlib import draw
 from tests.helpers import raises
 
@@ -52,7 +51,7 @@ def test_one_legend_names_everything_once(wv, fit):
     axes = {"gyro_x": fit, "gyro_y": wv}
     picture = plot_imu(axes)
     (legend,) = picture.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(imu_figure(axes).labels)
+    assert [text.get_text() for text in legend.get_texts()] == list(description(plot_imu)(axes).labels)
 
 
 def test_the_swatch_of_several_bands_is_in_the_colour_of_none(wv):

@@ -7,9 +7,10 @@ import pytest
 
 from gmwm import Model, Monitor
 from gmwm.applications.monitor import Trace
-from gmwm.applications.monitor.plot import trace_figure
+from gmwm.applications.monitor.plot import plot_trace
 from gmwm.base.errors import DataError
 from gmwm.recording.chunks import Chunk
+from gmwm.showing.plots.figure import description
 
 MODEL = Model.parse("WN(sigma2=1e-6) + RW(gamma2=1e-14)")
 EPOCH = 1.7e9
@@ -27,7 +28,7 @@ def traced(n: int = 40_000) -> Trace:
 def test_the_picture_shows_signal_event_and_charts() -> None:
     trace = traced()
     (event,) = trace.events
-    figure = trace_figure(trace)
+    figure = description(plot_trace)(trace)
     ((signal, charts),) = figure.rows
     assert signal is not None
     assert charts is not None
@@ -46,4 +47,4 @@ def test_the_picture_shows_signal_event_and_charts() -> None:
 
 def test_a_monitor_without_samples_is_not_drawn() -> None:
     with pytest.raises(DataError):
-        trace_figure(Trace(Monitor({"gyro_x": MODEL}, 1e5, rate=100.0, baseline=None)))
+        description(plot_trace)(Trace(Monitor({"gyro_x": MODEL}, 1e5, rate=100.0, baseline=None)))

@@ -10,9 +10,9 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.axes import signed_axis
-from gmwm.showing.plots.figure import Axis, Band, Figure, Panel, Polyline, Stroke, Tick
+from gmwm.showing.plots.figure import Axis, Band, Figure, Panel, Polyline, Stroke, Tick, description
 from gmwm.showing.plots.matplotlib import draw
-from gmwm.showing.plots.ranking import candidates_figure, distance, plot_ranking, ranking_figure
+from gmwm.showing.plots.ranking import distance, plot_candidates, plot_ranking
 from tests.helpers import raises
 
 
@@ -37,7 +37,7 @@ def models(panel):
 @pytest.mark.slow
 def test_the_curves_are_those_of_the_best_and_of_the_recommended(ranking):
     for limit in (1, 4):
-        curves, distances, _ = ranking_figure(ranking, limit=limit, view="wavelet", units="si").panels
+        curves, distances, _ = description(plot_ranking)(ranking, limit=limit, view="wavelet", units="si").panels
         drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
         assert len(models(curves)) == len(models(distances)) == len(drawn)
         for line, row, candidate in zip(models(curves), models(distances), drawn, strict=True):
@@ -51,7 +51,7 @@ def test_the_curves_are_those_of_the_best_and_of_the_recommended(ranking):
 
 
 def test_no_two_curves_differ_by_colour_alone(ranking):
-    _, distances, _ = ranking_figure(ranking, limit=8).panels
+    _, distances, _ = description(plot_ranking)(ranking, limit=8).panels
     strokes = [line.stroke for line in models(distances)]
     assert len(strokes) == 8
     assert len({(s.dash, s.symbol) for s in strokes}) == 8
@@ -67,7 +67,7 @@ def test_a_distance_is_one_at_the_limits():
 
 
 def test_the_band_of_distances_is_that_of_the_data(ranking):
-    curves, distances, _ = ranking_figure(ranking).panels
+    curves, distances, _ = description(plot_ranking)(ranking).panels
     (band,) = distances.bands
     assert band.label == curves.bands[0].label == "95 % limits, any noise"
     np.testing.assert_array_equal(band.lower, [-1.0, -1.0])
@@ -79,7 +79,7 @@ def test_the_band_of_distances_is_that_of_the_data(ranking):
 
 
 def test_the_criteria_of_ten_stand_beside_their_models(ranking):
-    figure = ranking_figure(ranking)
+    figure = description(plot_ranking)(ranking)
     criteria = figure.panels[-1]
     listed = [c for k, c in enumerate(ranking.distinct) if k < 10 or c.equivalent]
     dots = [(line.x.item(), line.y.item()) for line in criteria.lines]
@@ -101,7 +101,7 @@ def test_the_criteria_of_ten_stand_beside_their_models(ranking):
 
 
 def test_a_dot_has_the_colour_and_the_symbol_of_its_curve(ranking):
-    _, distances, criteria = ranking_figure(ranking, limit=3).panels
+    _, distances, criteria = description(plot_ranking)(ranking, limit=3).panels
     drawn = [c for k, c in enumerate(ranking.distinct) if k < 3 or c.recommended]
     dots = {line.x.item(): line.stroke for line in criteria.lines}
     for row, candidate in zip(models(distances), drawn, strict=True):
@@ -111,7 +111,7 @@ def test_a_dot_has_the_colour_and_the_symbol_of_its_curve(ranking):
 
 
 def test_several_recordings_say_so(several):
-    figure = ranking_figure(several, view="wavelet")
+    figure = description(plot_ranking)(several, view="wavelet")
     assert figure.title.endswith("mean of 2 recordings")
     criteria = figure.panels[-1]
     assert criteria.x.label == "Loss out of sample above the best"
@@ -120,11 +120,11 @@ def test_several_recordings_say_so(several):
     assert texts[-1] == "Loss out of sample; WIC = loss + optimism"
     first = several.best.fit.wavelet_variance
     np.testing.assert_array_equal(figure.panels[0]["Wavelet variance"].y, first.variance)
-    assert "Loss out of sample" in candidates_figure(several.compare(0, 1)).title
+    assert "Loss out of sample" in description(plot_candidates)(several.compare(0, 1)).title
 
 
 def test_other_views_and_units(ranking):
-    curves, distances, _ = ranking_figure(ranking, view="allan", units="datasheet").panels
+    curves, distances, _ = description(plot_ranking)(ranking, view="allan", units="datasheet").panels
     assert curves.y.label == "Allan deviation (deg/h)"
     assert curves.x.label == distances.x.label == "Averaging time τ (s)"
     factor = np.degrees(1) * 3600
@@ -141,7 +141,7 @@ def test_limits_that_are_refused(ranking, limit):
 
 def test_a_comparison_shows_both_and_their_difference(ranking):
     comparison = ranking.compare("GM + WN + QN + RW", "GM + WN + QN")
-    figure = candidates_figure(comparison, view="wavelet")
+    figure = description(plot_candidates)(comparison, view="wavelet")
     curves, distances = figure.panels
     for panel in (curves, distances):
         assert len(models(panel)) == 2
@@ -161,7 +161,7 @@ def test_a_single_candidate_has_a_picture():
     ranking = gmwm.rank(["WN"], gmwm.WN(sigma2=1.0).simulate(1000, 10.0, rng=1), 10.0)
     figure = ranking.plot()
     assert [tick.get_text() for tick in figure.axes[2].get_yticklabels()] == ["WN"]
-    assert "0.00 ± 0.00" in candidates_figure(ranking.compare(0, 0)).title
+    assert "0.00 ± 0.00" in description(plot_candidates)(ranking.compare(0, 0)).title
 
 
 @pytest.mark.slow

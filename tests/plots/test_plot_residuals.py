@@ -8,13 +8,13 @@ import pytest
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.showing.plots.residuals import (
+from gmwm.showing.plots.figure import description
+from gmwm.showing.plots.likelihood import (
     LIMIT_LEVEL,
     correlation_panel,
     order_limits,
     plot_residuals,
     quantile_panel,
-    residuals_figure,
     time_panel,
 )
 from tests.helpers import raises
@@ -130,23 +130,23 @@ def test_limits_of_correlations_hold_so_many_where_samples_are_missing():
 
 
 def test_titles_tell_the_tests(good, bad):
-    time, quantiles, correlations = residuals_figure(good).panels
+    time, quantiles, correlations = description(plot_residuals)(good).panels
     assert f"standard deviation {np.std(good.observed):.3f}" in time.title
     assert quantiles.title == f"Jarque-Bera: p = {good.normality().p_value:.2g}"
     test = good.ljung_box()
     assert correlations.title == f"Ljung-Box, {test.lags} lags: p = {test.p_value:.2g}"
-    assert residuals_figure(bad).panels[2].title == "Ljung-Box, 43 lags: p < 10⁻⁶"
-    assert residuals_figure(good, 7).panels[2].title.startswith("Ljung-Box, 7 lags: p = ")
+    assert description(plot_residuals)(bad).panels[2].title == "Ljung-Box, 43 lags: p < 10⁻⁶"
+    assert description(plot_residuals)(good, 7).panels[2].title.startswith("Ljung-Box, 7 lags: p = ")
 
 
 def test_few_samples_have_no_test(noise):
     panel = correlation_panel(of(noise[:10], estimated=9))
     assert panel.title == "No Ljung-Box test: 9 parameters were estimated"
-    assert len(residuals_figure(of(noise[:8], estimated=6)).panels) == 3
+    assert len(description(plot_residuals)(of(noise[:8], estimated=6)).panels) == 3
 
 
 def test_units_are_none_and_times_have_theirs(good):
-    time, quantiles, correlations = residuals_figure(good).panels
+    time, quantiles, correlations = description(plot_residuals)(good).panels
     assert time.x.label == "Time since the first sample (s)"
     assert time.y.label == "Standardised innovation"
     assert (quantiles.x.label, correlations.x.label) == ("Normal quantile", "Lag (samples)")

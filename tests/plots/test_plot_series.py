@@ -13,9 +13,9 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.plots import plot_components, plot_recording, plot_signal
-from gmwm.showing.plots.figure import PAGE
-from gmwm.showing.plots.linear import even_axis, even_ticks, power_of, time_unit
-from gmwm.showing.plots.series import DOTS_OF_MM, components_figure, recording_figure, signal_panel
+from gmwm.showing.plots.axes import even_axis, even_ticks, power_of, time_unit
+from gmwm.showing.plots.figure import PAGE, description
+from gmwm.showing.plots.series import DOTS_OF_MM, signal_panel
 from gmwm.showing.plots.style import term_strokes
 from gmwm.showing.plots.trace import extremes, trace
 from tests.helpers import raises
@@ -128,7 +128,7 @@ def test_a_clock_that_steps_back_is_not_joined(noise):
 
 @pytest.mark.slow
 def test_labels_have_units(recording, simulated):
-    panels = [*recording_figure(recording).panels, *components_figure(simulated).panels]
+    panels = [*description(plot_recording)(recording).panels, *description(plot_components)(simulated).panels]
     assert len(panels) == 6 + 6
     assert {panel.y.label for panel in panels[:6]} == {"Angular rate (10⁻³ rad/s)", "Specific force (10⁻³ m/s²)"}
     assert {panel.y.label for panel in panels[6:]} == {"10⁻³ rad/s"}
@@ -139,7 +139,7 @@ def test_labels_have_units(recording, simulated):
 
 @pytest.mark.parametrize(("units", "unit"), [("si", "m/s²"), ("datasheet", "mg")])
 def test_what_is_said_of_the_mean_is_what_is_done(recording, units, unit):
-    figure = recording_figure(recording, units=units)
+    figure = description(plot_recording)(recording, units=units)
     panel = figure.rows[2][1]
     title, _, said = panel.title.partition(" less its mean of ")
     assert (title, said.split()[1]) == ("Accelerometer Z", unit)
@@ -153,7 +153,7 @@ def test_what_is_said_of_the_mean_is_what_is_done(recording, units, unit):
 
 
 def test_a_mean_that_is_near_zero_stays(recording):
-    titles = [panel.title for panel in recording_figure(recording).panels]
+    titles = [panel.title for panel in description(plot_recording)(recording).panels]
     assert titles[:2] == ["Gyroscope X", "Accelerometer X"]
     assert sum("less" in title for title in titles) == 1
 
@@ -161,7 +161,7 @@ def test_a_mean_that_is_near_zero_stays(recording):
 def test_axes_of_a_sensor_have_one_scale_unless_one_would_be_flat(noise):
     def limits(small):
         imu = Imu.from_arrays({"gyro_x": noise[:1000], "gyro_y": small * noise[1000:2000]}, 100.0)
-        return [panel.y.limits for panel in recording_figure(imu).panels]
+        return [panel.y.limits for panel in description(plot_recording)(imu).panels]
 
     assert len(set(limits(0.5))) == 1
     assert len(set(limits(0.01))) == 2
@@ -219,7 +219,7 @@ def test_datasheet_units_need_a_unit(noise):
 
 def test_the_panels_of_the_terms_add_up_to_that_of_the_signal():
     short = gmwm.simulate_signal("2*GM(beta=0.1, sigma2=1) + WN(sigma2=4)", rate=1.0, samples=200, rng=3, unit="m")
-    signal, *terms = components_figure(short).panels
+    signal, *terms = description(plot_components)(short).panels
     assert signal.title == "Signal: 2·GM + WN"
     assert [panel.title.split(":")[0] for panel in terms] == ["GM[1]", "GM[2]", "WN"]
     total = sum(panel.lines[0].y for panel in terms)
@@ -229,7 +229,7 @@ def test_the_panels_of_the_terms_add_up_to_that_of_the_signal():
 def test_gravity_and_rounding_are_said():
     models = {"accel_z": "WN(sigma2=1e-4)"}
     made = gmwm.simulate(models, rate=10.0, samples=100, rng=1, resolution={"accel": 0.01}, components=True)
-    signal, term = components_figure(made["accel_z"]).panels
+    signal, term = description(plot_components)(made["accel_z"]).panels
     assert signal.title == "Accelerometer Z less 9.80665 m/s²: WN, in steps of 0.01 m/s²"
     assert np.abs(signal.lines[0].y - term.lines[0].y).max() <= 0.005 * (1 + 1e-9) * (
         1000 if "10⁻³" in term.y.label else 1
@@ -238,7 +238,7 @@ def test_gravity_and_rounding_are_said():
 
 def test_terms_have_their_colours(simulated):
     strokes = term_strokes(simulated.model.terms, simulated.model.processes)
-    panels = components_figure(simulated).panels[1:]
+    panels = description(plot_components)(simulated).panels[1:]
     assert [panel.lines[0].stroke.colour for panel in panels] == [
         strokes[term].colour for term in simulated.model.terms
     ]
@@ -279,18 +279,18 @@ def test_a_signal_on_axes_of_the_caller(recording):
 
 def test_a_recording_of_some_axes_has_no_empty_row(noise):
     imu = Imu.from_arrays({"gyro_x": noise[:100], "accel_x": noise[:100], "accel_z": noise[:100]}, 10.0)
-    figure = recording_figure(imu)
+    figure = description(plot_recording)(imu)
     assert [[panel is not None for panel in row] for row in figure.rows] == [[True, True], [False, True]]
     assert [bool(panel.x.label) for panel in figure.panels] == [True, False, True]
     other = Imu({"pressure": Signal(noise[:100], 10.0, "Pa"), "flow": Signal(noise[:100], 10.0, "m/s")})
-    assert [panel.y.label for panel in recording_figure(other).panels] == ["Signal (Pa)", "Signal (m/s)"]
+    assert [panel.y.label for panel in description(plot_recording)(other).panels] == ["Signal (Pa)", "Signal (m/s)"]
 
 
 def test_a_knock_does_not_flatten_the_other_samples():
     values = np.random.default_rng(1).normal(9.8, 0.01, 20_000)
     values[5000:5010] += 30.0
     imu = gmwm.Imu.from_arrays({"accel_z": values}, rate=100.0)
-    ((panel,),) = recording_figure(imu).rows
+    ((panel,),) = description(plot_recording)(imu).rows
     line, *marks = panel.marks
     # The mean is that of the other samples, and the panel is as high as a few of their spans.
     assert "less its mean of 9.8" in panel.title
@@ -299,7 +299,7 @@ def test_a_knock_does_not_flatten_the_other_samples():
     assert [mark.stroke.symbol for mark in marks] == ["triangle"]
     assert np.all((marks[0].x > 0.8) & (marks[0].x < 51))
     calm = gmwm.Imu.from_arrays({"accel_z": np.delete(values, range(5000, 5010))}, rate=100.0)
-    ((panel,),) = recording_figure(calm).rows
+    ((panel,),) = description(plot_recording)(calm).rows
     assert len(panel.marks) == 1
     assert "beyond" not in panel.title
 
@@ -317,9 +317,9 @@ def test_samples_of_findings_are_marked():
     labels = []
     for values in recordings:
         imu = Imu({axis: Signal(x, 100.0, "rad/s", axis=axis) for axis, x in values.items()})
-        figure = recording_figure(imu, inspection=gmwm.inspect(imu))
+        figure = description(plot_recording)(imu, inspection=gmwm.inspect(imu))
         labels.append(set(figure.labels))
-        plain = recording_figure(imu)
+        plain = description(plot_recording)(imu)
         assert "Clipped" not in plain.labels
         assert figure.height >= plain.height
         if "gyro_y" in values:

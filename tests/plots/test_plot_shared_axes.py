@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.shared_axes import named_panel
+from gmwm.showing.plots.fit import named_panel
 from tests.helpers import raises
 
 RATE = 100.0

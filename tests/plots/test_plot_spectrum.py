@@ -5,7 +5,8 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.spectrum import density_unit, spectra_figure, spectrum_panel
+from gmwm.showing.plots.figure import description
+from gmwm.showing.plots.spectrum import density_unit, plot_spectra, spectrum_panel
 from tests.helpers import raises
 
 RATE, SAMPLES = 100.0, 100_000
@@ -66,7 +67,7 @@ def test_lines_and_bumps_are_marked_above_their_peaks(spectrum):
 def test_a_panel_for_each_axis(tmp_path):
     imu = gmwm.simulate({"gyro": "WN(sigma2=4e-7)", "accel_z": "WN(sigma2=4e-5)"}, rate=RATE, samples=5000, rng=1)
     spectra = gmwm.psd(imu)
-    figure = spectra_figure(spectra, models={"gyro_y": gmwm.WN(sigma2=4e-7)})
+    figure = description(plot_spectra)(spectra, models={"gyro_y": gmwm.WN(sigma2=4e-7)})
     assert [[panel and panel.title for panel in row] for row in figure.rows] == [
         ["Gyroscope X", "Gyroscope Y", "Gyroscope Z"],
         [None, None, "Accelerometer Z"],

@@ -12,8 +12,8 @@ import gmwm
 from gmwm.base.errors import DataError, OptionError
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.figure import Band, Polyline
+from gmwm.showing.plots.likelihood import COLUMNS, plot_tracks, tracks_figure
 from gmwm.showing.plots.trace import envelope, even_trace, extremes_there, lone_values
-from gmwm.showing.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)

@@ -5,8 +5,7 @@ import pytest
 
 from gmwm.base.errors import OptionError
 from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.showing.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label
-from gmwm.showing.plots.view import view_of
+from gmwm.showing.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label, view_of
 from gmwm.theory.processes import Model, Parameter, registry
 from tests.helpers import raises
 

@@ -10,8 +10,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.calibration.findings import unusable
 from gmwm.showing.reports import report_data, write
-from gmwm.showing.reports.one_page import MOST, one_page, one_page_data
-from gmwm.showing.reports.write import page
+from gmwm.showing.reports.write import MOST, one_page_data, one_page_html, page
 from tests.helpers import raises
 
 PAGES = re.compile(rb"/Type\s*/Page\b(?!s)")
@@ -28,14 +27,14 @@ def test_it_has_the_verdict_four_numbers_a_plot_and_the_data(calibration):
         assert row["cells"][0]["text"].startswith(f"{calibration.datasheets[axis]['N'].in_units()[0]:.3g}")
         assert row["bias"] == "tilt unknown" or calibration.rest[axis].bias is not None
     assert len(data["cautions"]) <= MOST + 1
-    html = one_page(calibration)
+    html = one_page_html(calibration)
     assert html.index(data["headline"]) < html.index("<table") < html.index("data:image/png;base64,")
     assert "<script" not in html
 
 
 def test_cautions_are_three_of_two_sentences_and_a_count(calibration, monkeypatch):
     texts = [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`. N is not affected." for k in range(5)]
-    monkeypatch.setattr("gmwm.showing.reports.one_page.with_groups", lambda *_: [("drift", text) for text in texts])
+    monkeypatch.setattr("gmwm.showing.reports.write.with_groups", lambda *_: [("drift", text) for text in texts])
     cautions = one_page_data(calibration)["cautions"]
     assert cautions[:MOST] == [f"Axis {k} drifts by 3.7 deg/h. Use `--detrend`." for k in range(3)]
     assert cautions[MOST:] == ["2 more cautions are in the report."]
@@ -45,12 +44,12 @@ def test_the_column_of_the_bias_is_left_out_without_one(calibration):
     axes = {axis: dataclasses.replace(found, rest=None) for axis, found in calibration.axes.items()}
     data = one_page_data(dataclasses.replace(calibration, axes=axes))
     assert not any(table["bias"] for table in data["tables"])
-    assert "at rest</th>" not in one_page(dataclasses.replace(calibration, axes=axes))
+    assert "at rest</th>" not in one_page_html(dataclasses.replace(calibration, axes=axes))
 
 
 @pytest.mark.slow
 def test_names_from_files_are_escaped(hostile):
-    html = one_page(hostile)
+    html = one_page_html(hostile)
     assert "<script" not in html
     assert "onerror=" not in html.replace("onerror=&", "")
 
@@ -83,9 +82,7 @@ def test_a_browser_prints_one_page_and_a_short_report(calibration, tmp_path):
 @pytest.mark.browser
 def test_many_axes_and_long_cautions_are_still_one_page(calibration, tmp_path, monkeypatch):
     one = "The mean settles over the first hour: " + ", ".join(f"gyro_{k} (149.2 deg/h, 33 min)" for k in range(20))
-    monkeypatch.setattr(
-        "gmwm.showing.reports.one_page.with_groups", lambda *_: [("a", f"{one}, {k}.") for k in range(6)]
-    )
+    monkeypatch.setattr("gmwm.showing.reports.write.with_groups", lambda *_: [("a", f"{one}, {k}.") for k in range(6)])
     lost = {f"sensor_{k}": "the signal is constant" for k in range(12)}
     many = dataclasses.replace(calibration, failed=lost)
     content = many.report(tmp_path / "one.pdf", one_page=True).read_bytes()

@@ -18,12 +18,11 @@ from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.showing.plots.figure import Band, Foot, Panel, Polyline, Stroke, Text
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.reports import Section, report_data
-from gmwm.showing.reports import sections as report_sections
+from gmwm.showing.reports import content as report_content
 from gmwm.showing.reports.content import citation
-from gmwm.showing.reports.one_page import one_page_data
-from gmwm.showing.reports.plotly import Scale, plotly_panel
+from gmwm.showing.reports.figures import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict
-from gmwm.showing.reports.write import _code_as_html, page
+from gmwm.showing.reports.write import _code_as_html, one_page_data, page
 from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -391,12 +390,12 @@ def test_another_package_adds_a_section(monkeypatch):
     monkeypatch.setattr(type(entry), "load", lambda self: drift_section)
     monkeypatch.setattr(guests, "entry_points", lambda *, group: [entry] if group == entry.group else [])
     calibration = gmwm.calibrate(gmwm.simulate({"gyro_x": "WN(sigma2=1)"}, rate=100.0, samples=2000, rng=1), "WN")
-    for registry in (guests.admit_guests, report_sections._registry):
+    for registry in (guests.admit_guests, report_content._registry):
         registry.cache_clear()
     try:
         data = report_data(calibration)
     finally:
-        for registry in (guests.admit_guests, report_sections._registry):
+        for registry in (guests.admit_guests, report_content._registry):
             registry.cache_clear()
     assert data["sections"]["drift"]["title"] == "Drift <b>"
     text = page(data)

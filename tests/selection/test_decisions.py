@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.choosing.selection import api
-from gmwm.choosing.selection.shape_error import acts_as_filter, process_of, with_shape_error
+from gmwm.choosing.selection.fast_part import acts_as_filter, process_of, with_shape_error
 from gmwm.choosing.selection.structure import without_drift
 from gmwm.fitting.estimation import fit as fitted
 from gmwm.measuring.spectrum.short_memory import SpectralShape

@@ -8,7 +8,7 @@ from scipy import signal
 
 import gmwm
 from gmwm import wavelet_variance
-from gmwm.choosing.selection.peaks import FELT, UNSEEN_DISTANCE, peak_terms
+from gmwm.choosing.selection.fast_part import FELT, UNSEEN_DISTANCE, peak_terms
 from gmwm.measuring.spectrum.line import Line
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN

@@ -9,7 +9,7 @@ from scipy import signal
 from scipy.integrate import quad
 
 import gmwm
-from gmwm.choosing.selection.shape_error import SAMPLED, band_errors, with_sampling_error
+from gmwm.choosing.selection.fast_part import SAMPLED, band_errors, with_sampling_error
 from gmwm.fitting.estimation import fit as fitted
 from gmwm.measuring.spectrum.short_memory import Alternative, SpectralShape, short_memory
 

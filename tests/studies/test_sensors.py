@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 import math
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from validation import sensors
+from validation import filter_truth, sensors
 
 SLACK = {"knocks", "spikes", "quantized-coarse", "lines", "warm-up", "drift"}
 """Kinds whose output is not that of the truth's N, by intent."""
@@ -20,11 +22,41 @@ def allan_variance(x: sensors.Array, n: int) -> float:
     return float(np.mean(((sums[2 * n :] - 2 * sums[n:-n] + sums[: -2 * n]) / n) ** 2) / 2)
 
 
-def test_they_do_not_use_the_package() -> None:
-    tree = ast.parse(Path(sensors.__file__).read_text(encoding="utf-8"))
+@pytest.mark.parametrize("module", [sensors, filter_truth])
+def test_they_do_not_use_the_package(module: ModuleType) -> None:
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
     modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     modules |= {name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names}
-    assert not [name for name in modules if name and name.startswith(("gmwm", "validation"))]
+    assert not [name for name in modules if name and name.startswith("gmwm")]
+
+
+def test_the_filter_of_white_noise_and_a_walk_has_their_numbers() -> None:
+    sensor = sensors.Sensor(N=2.0, rate=50.0, duration=1e3, K=0.3)
+    truth = sensor.truth()
+    assert (truth.filter_N, truth.filter_K) == pytest.approx((2.0, 0.3), rel=1e-3)
+    # A line of 0.6 Hz adds to the prediction error; one of 0.1 Hz is followed, and one of 20 Hz averages out.
+    for frequency, adds in ((0.6, True), (0.1, False), (20.0, False)):
+        assert (sensor.truth(lines=[(frequency, 1.0)]).filter_N > 2.001) == adds
+    assert sensor.truth(slope=0.1).filter_K > 0.32
+
+
+def test_the_truth_of_a_filter_predicts_best() -> None:
+    """The stated error is the error of a simulated filter, and other filters are worse."""
+    rng = np.random.default_rng(5)
+    sensor = sensors.Sensor(N=1.0, rate=20.0, duration=2e5, gm=((0.2, 20.0),), B=0.1)
+    x, truth = sensor.white(rng) + sensor.slow(rng), sensor.truth()
+    sums = np.concatenate([[0.0], np.cumsum(x)])
+    future = (sums[20:] - sums[:-20]) / 20
+
+    def error(q: float) -> float:
+        g = 2 * q / (q + math.sqrt(q**2 + 4))
+        past = signal.lfilter([g], [1, g - 1], x)
+        return float(np.mean((future[2001:] - past[2000:-20]) ** 2))
+
+    best = truth.filter_K / truth.filter_N / 20
+    stated = truth.filter_N**2 * (1 + best * 20) + truth.filter_K**2 / 3
+    assert stated == pytest.approx(error(best), rel=0.02)
+    assert error(best) < min(error(0.5 * best), error(2 * best))
 
 
 @pytest.mark.slow

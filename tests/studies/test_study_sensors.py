@@ -27,14 +27,14 @@ def test_the_family_itself_is_found() -> None:
 
 
 def entry(low: float, high: float | None, **other: Any) -> dict[str, Any]:
-    return {"value": low, "low": low, "high": high, "limit": False, "term": "RW", **other}
+    return {"value": low, "low": low, "high": high, "limit": False, "term": None, "use": study_sensors.USE, **other}
 
 
 def told(**other: Any) -> dict[str, Any]:
+    truth = {"filter_N": 1.0, "filter_K": 2.0, "lowest": 3.0, "B": 5.0, "gm": [[1.0, 4.0]], "structure": "GM + WN + RW"}
     return {
-        "truth": {"N": 1.0, "K": 2.0, "lowest": 3.0, "B": 5.0, "gm": [[1.0, 4.0]], "structure": "GM + WN + RW"},
-        "model": "WN + GM + RW", "equivalent": ["GM + WN", "2*GM + WN + RW"], "pvalue": 0.5, "robust": False,
-        "verdict": "verdict:clean", "codes": [], "numbers": {"N": entry(0.9, 1.1)}, **other,
+        "truth": truth, "model": "WN + GM + RW", "equivalent": ["GM + WN", "2*GM + WN + RW"], "pvalue": 0.5,
+        "robust": False, "codes": [], "numbers": {"N": entry(0.9, 1.1)}, **other,
     }  # fmt: skip
 
 
@@ -45,11 +45,13 @@ def scored(**numbers: dict[str, Any]) -> dict[str, Any]:
 def test_intervals_are_scored_by_what_the_number_means() -> None:
     assert scored()["N_covered"] == 1
     assert scored(K=entry(2.1, 2.2))["K_covered"] == 0
-    # A limit is no interval.
-    limit = scored(K=entry(0.0, 2.5, limit=True))
-    assert (limit["K_covered"], limit["K_limit_holds"]) == (None, 1)
+    # A limit is no interval, and a number that must not be used is neither.
+    limit = scored(K=entry(0.0, 2.5, use=study_sensors.BOUND))
+    assert (limit["K_covered"], limit["K_bound_holds"], limit["K_refused"]) == (None, 1, 0)
+    refused = scored(K=entry(2.1, 2.2, use=study_sensors.DO_NOT_USE))
+    assert (refused["K_covered"], refused["K_bound_holds"], refused["K_refused"]) == (None, None, 1)
     # B of a flicker term is its coefficient, and that of no term is the lowest point.
-    assert scored(B=entry(2.9, 3.1, term=None))["B_covered"] == 1
+    assert scored(B=entry(2.9, 3.1))["B_covered"] == 1
     assert scored(B=entry(2.9, 3.1, term="FN"))["B_covered"] == 0
     assert scored(B=entry(4.9, 5.1, term="FN"))["B_covered"] == 1
     # q_c = √(2σ²/T_c), and only in a model with as many terms.

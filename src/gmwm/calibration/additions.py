@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 GROUP = "gmwm.additions"
 """Group of the entry points through which other packages register additions."""
 ENTRY_POINTS = (
-    "gmwm.applications.several.addition:SharedNoiseAddition",
-    "gmwm.applications.monitor.addition:BaselineAddition",
+    "gmwm.applications.several.cross:SharedNoiseAddition",
+    "gmwm.applications.monitor.baseline:BaselineAddition",
 )
 """Entry points of the package itself. They are loaded like those of other packages, after the core."""
 

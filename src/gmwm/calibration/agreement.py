@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from statistics import NormalDist
+from typing import TypeVar
 
 import numpy as np
 
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.multiple_tests import holm
-from gmwm.calibration.agreement_result import Agreement, SharedNumber
+from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merge_names
@@ -31,6 +32,11 @@ _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
 on a logarithmic scale."""
 
+_SHARED = ("N", "K")
+"""Symbols of the numbers that are also tested for all axes of a sensor together: those of a filter."""
+_Z = NormalDist().inv_cdf(0.975)
+
+Tested = TypeVar("Tested", SharedNumber, SensorFactors)
 Recording = Calibration | Mapping[str, Datasheet]
 
 
@@ -49,6 +55,11 @@ def agree(
     are widened until they meet, and the p-value follows from the number of standard errors that this needs. The
     smallest p-value, multiplied by the number of comparisons, is used. All p-values are then adjusted by Holm's method,
     so `size` is the probability of any false alarm among all numbers.
+
+    A change that all axes of a sensor share is clearer in all axes together. For N and K of each sensor, let x_ir be
+    the logarithm in axis i and recording r, and m_i + d_r its expectation. The test that all d_r are equal compares the
+    weighted sums of squares with and without d_r; exp(d_r − d_1) is the factor of recording r. These tests are adjusted
+    among themselves, so each family of tests has the level `size`.
 
     N, K, Q and B are always compared. R is compared only if all models have the same slow terms, and other numbers only
     if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
@@ -105,7 +116,7 @@ def agree(
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
-        failed=failures,
+        failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets), size)),
     )  # fmt: skip
 
 
@@ -174,7 +185,7 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         frequencies = [entry.frequency for entry, _ in pairs if entry.frequency is not None]
         # Two peaks within a tenth of their frequency are the same one: a mount moves a resonance by less.
         alike = alike and (not frequencies or max(frequencies) < 1.1 * min(frequencies))
-        usable = [(entry, NormalDist().inv_cdf((1 + sheet.level) / 2)) for entry, sheet in pairs if _is_known(entry)]
+        usable = [(entry, _quantile(sheet)) for entry, sheet in pairs if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""
         reason = "models" if not alike else "one recording" if len(pairs) < 2 else "kinds" if len(kinds) > 1 else reason
@@ -186,6 +197,11 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
             )
         )  # fmt: skip
     return rows
+
+
+def _quantile(sheet: Datasheet) -> float:
+    """Return half the width of the intervals of a datasheet in standard errors."""
+    return NormalDist().inv_cdf((1 + sheet.level) / 2)
 
 
 def _alike(symbol: str, models: Sequence[str]) -> bool:
@@ -252,7 +268,55 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
     return math.erfc(high / math.sqrt(2))
 
 
-def _adjust(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
+def _of_sensors(rows: Sequence[SharedNumber], sheets: Sequence[Mapping[str, Datasheet]]) -> list[SensorFactors]:
+    """Return the factors of N and K that all axes of a sensor share, with the p-values of their tests."""
+    factors = []
+    for sensor, symbol in dict.fromkeys((sensor_of(row.axis), row.symbol) for row in rows if row.symbol in _SHARED):
+        logs: dict[str, list[tuple[float, float]]] = {}
+        for row in rows:
+            if (sensor_of(row.axis), row.symbol) != (sensor, symbol):
+                continue
+            points = [
+                _point(entry, _quantile(sheet[row.axis]), signed=False)
+                if entry is not None and _is_known(entry) and not entry.upper_only else (math.nan, math.inf)
+                for entry, sheet in zip(row.entries, sheets, strict=True)
+            ]  # fmt: skip
+            if sum(math.isfinite(x) for x, _ in points) > 1:
+                logs[row.axis] = points
+        if len(logs) > 1:
+            factors.append(_shared_factors(sensor, symbol, logs))
+    return factors
+
+
+def _shared_factors(sensor: str, symbol: str, logs: Mapping[str, list[tuple[float, float]]]) -> SensorFactors:
+    """Return the factors of the recordings that the logarithms of all axes share. After the mean of each axis, the
+    normal equations of d_r are the weighted Laplacian of a graph whose nodes are the recordings."""
+    from scipy.special import gammaincc
+
+    x, s = np.moveaxis(np.array(list(logs.values())), -1, 0)
+    weights = (s.min() / s) ** 2
+    x = np.where(weights > 0, x, 0.0)
+    laplacian = np.diag(weights.sum(axis=0)) - weights.T @ (weights / weights.sum(axis=1, keepdims=True))
+    means = np.sum(weights * x, axis=1, keepdims=True) / weights.sum(axis=1, keepdims=True)
+    right = np.sum(weights * (x - means), axis=0)
+    inverse = np.linalg.pinv(laplacian, rcond=1e-10, hermitian=True)
+    first = int(np.flatnonzero(weights.any(axis=0))[0])
+    contrasts = np.eye(len(right)) - np.eye(len(right))[first]
+    # A recording that shares no axis with the first one, or with one that does, has no factor.
+    linked = np.abs(contrasts @ (inverse @ laplacian) - contrasts).max(axis=1) < 1e-6
+    errors = s.min() * np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", contrasts, inverse, contrasts), 0.0))
+    statistic, rank = float(right @ inverse @ right) / s.min() ** 2, int(np.linalg.matrix_rank(laplacian, tol=1e-10))
+    factors = [
+        (math.exp(d), math.exp(d - _Z * error), math.exp(d + _Z * error)) if link else None
+        for d, error, link in zip((contrasts @ inverse @ right).tolist(), errors.tolist(), linked, strict=True)
+    ]
+    return SensorFactors(
+        sensor=sensor, symbol=symbol, axes=tuple(logs), factors=tuple(factors),
+        pvalue=float(gammaincc(rank / 2, statistic / 2)),
+    )  # fmt: skip
+
+
+def _adjust(rows: Sequence[Tested], size: float) -> list[Tested]:
     """Return the rows with p-values adjusted by Holm's method, and whether each number agrees at the level `size`."""
     adjusted = holm([math.nan if row.pvalue is None else row.pvalue for row in rows]).tolist()
     return [

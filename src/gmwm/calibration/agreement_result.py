@@ -29,14 +29,15 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
     heads, names = _heads(found)
     parts = [[*wrap_text(found.verdict.text(dialect)), *names]]
     parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
+    if found.sensors:
+        parts.append(["All axes of a sensor together, as a factor of the first recording",
+                      *_fitting(heads, lambda *part: _shared(found, *part))])  # fmt: skip
     parts.append(wrap_text(_legend(found)))
     if remarks := texts(found.remarks, dialect):
         parts.append(["What to know about the comparison:", *(line for text in remarks for line in bullet(text))])
     if referred := [row for row in found.rows if row.reference is not None]:
         table = _fitting(heads, lambda *part: _beside(found, referred, *part))
-        parts.append(
-            ["Ratio of the measured values to the reference values:", *table, *wrap_text(_about_reference(referred))]
-        )
+        parts.append(["Measured / reference:", *table, *wrap_text(_about_reference(referred))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
@@ -76,6 +77,20 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
         cells = ["" if models[k] is None else _cell(found, row, k) for k in part]
         rows.append([f"{row.name} ({_unit(row)})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
     return rows
+
+
+def _shared(found: Agreement, heads: Sequence[str], part: range) -> list[list[str]]:
+    end = part.stop == len(found.labels)
+    rows = [["", *heads, *([""] if end else [])]]
+    for row in found.sensors:
+        cells = [_NONE if (factor := row.factors[k]) is None else _factor_text(*factor) for k in part]
+        rows.append([f"{row.sensor} {row.symbol}", *cells, *([_ANSWERS[row.agrees]] if end else [])])
+    return rows
+
+
+def _factor_text(value: float, low: float, high: float) -> str:
+    """Format a factor with its confidence interval; the first recording has none."""
+    return "1" if low == high else f"{round_text(value, 3)} ({round_text(low, 3)} … {round_text(high, 3)})"
 
 
 def _is_shown(found: Agreement, row: SharedNumber) -> bool:
@@ -196,6 +211,36 @@ class SharedNumber(Documented):
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorFactors(Documented):
+    """Factors by which N or K of all axes of a sensor differs between recordings.
+
+    Attributes
+    ----------
+    sensor, symbol : str
+        Sensor, such as "gyro", and symbol of the number, "N" or "K".
+    axes : tuple of str
+        The axes that are compared: those with a confidence interval in two recordings.
+    factors : tuple of ((float, float, float) or None)
+        For each recording, the factor relative to the first recording that has these axes, and its 95 % confidence
+        interval; None if the recording has no axis that can be compared.
+    pvalue : float
+        p-value of the test that all factors are 1.
+    adjusted : float or None
+        p-value adjusted by Holm's method among the tests of the sensors.
+    agrees : bool or None
+        Whether `adjusted` is above the significance level.
+    """
+
+    sensor: str
+    symbol: str
+    axes: tuple[str, ...]
+    factors: tuple[tuple[float, float, float] | None, ...]
+    pvalue: float
+    adjusted: float | None = None
+    agrees: bool | None = None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Agreement(DifferenceTests, Sequence[SharedNumber]):
     """Comparison of the datasheet numbers of several recordings of one unit.
@@ -211,11 +256,13 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     rejected : mapping of axis to tuple of str
         Names of the recordings in which a goodness-of-fit test rejects the model. Their intervals are too narrow.
     size : float
-        Significance level of all tests together.
+        Significance level of the tests of all numbers together, and of the tests of all sensors together.
     unmatched : tuple of str
         Keys of the reference values for which no recording has a number.
     failed : mapping of axis to tuple of str
         Names of the recordings in which the axis could not be calibrated.
+    sensors : tuple of SensorFactors
+        Tests of N and K of all axes of a sensor together.
     """
 
     labels: tuple[str, ...]
@@ -225,6 +272,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     size: float
     unmatched: tuple[str, ...] = ()
     failed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    sensors: tuple[SensorFactors, ...] = ()
 
     @property
     def compared(self) -> tuple[SharedNumber, ...]:
@@ -288,7 +336,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         """Return the comparison as plain values for JSON."""
         differing = [f"{row.axis}.{row.symbol}" for row in self.disagreeing]
         content = {"labels": self.labels, "size": self.size, "compared": len(self.compared), "disagreeing": differing}
-        for name in ("models", "rejected", "unmatched", "failed", "rows", "verdict", "remarks"):
+        for name in ("models", "rejected", "unmatched", "failed", "rows", "sensors", "verdict", "remarks"):
             content[name] = getattr(self, name)
         document: dict[str, Any] = plain(content, finite=False)
         return document
@@ -304,12 +352,13 @@ _RAMP = "R"
 
 def verdict_of(found: Agreement) -> Remark:
     """Return the verdict, a remark that states how many numbers were compared and how many of them differ."""
-    differing = len(found.disagreeing)
+    compared = len(found.compared) + len(found.sensors)
+    differing = len(found.disagreeing) + sum(row.agrees is False for row in found.sensors)
     absent = tuple(axis for axis, models in found.models.items() if None in models)
     alike = "incomplete" if absent else "all"
-    state = "none" if not found.compared else alike if not differing else "one" if differing == 1 else "some"
+    state = "none" if not compared else alike if not differing else "one" if differing == 1 else "some"
     return Remark.of(
-        "agreement", recordings=len(found.labels), compared=len(found.compared), differing=differing, size=found.size,
+        "agreement", recordings=len(found.labels), compared=compared, differing=differing, size=found.size,
         state=state, absent=absent,
     )  # fmt: skip
 
@@ -320,6 +369,15 @@ def remarks_of(found: Agreement) -> list[Remark]:
 
 
 def _remarks(found: Agreement) -> Iterator[Remark]:
+    for shared in found.sensors:
+        if shared.agrees is False and shared.adjusted is not None:
+            factors = zip(found.labels, shared.factors, strict=True)
+            others = [(name, factor) for name, factor in factors if factor is not None]
+            yield Remark.of(
+                "recordings-differ", f"{shared.symbol} of {shared.sensor}", case="sensor", p=shared.adjusted,
+                recording=others[0][0], axes=shared.axes,
+                values=tuple(f"{_factor_text(*factor)} in {name}" for name, factor in others[1:]),
+            )  # fmt: skip
     for row in found.disagreeing:
         yield _difference(row)
     for axis, labels in found.rejected.items():

@@ -16,7 +16,7 @@ from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
-from gmwm.choosing.datasheets.effective import Use
+from gmwm.choosing.datasheets.effective import Use, true_until
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
@@ -177,7 +177,12 @@ def _of_axis(
     yield from spectrum_remarks(axis, axis_calibration)
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
     if time is not None:
-        yield Remark.of("walk-or-markov", axis, time=Quantity(time, "s"))
+        yield Remark.of("walk-or-markov", axis, case="equivalent", time=Quantity(time, "s"))
+    white, walk = (axis_calibration.datasheet.get(symbol) for symbol in OF_FILTER)
+    if white is not None and walk is not None and not (white.upper_only or walk.upper_only):
+        time = true_until(axis_calibration.fit, white.value, walk.value)
+        if time is not None:
+            yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:
         yield _poorly_known(axis, axis_calibration)
 

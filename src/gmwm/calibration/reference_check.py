@@ -16,6 +16,7 @@ from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, round_text, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
 from gmwm.calibration.number_verdicts import Usability
+from gmwm.calibration.tables import wrap_text
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
@@ -31,10 +32,10 @@ CLOSE_DIFFERENCE = 0.1
 """Largest relative difference for which a reference outside the confidence interval counts as close. Datasheets round
 their numbers to two digits."""
 LEAST_UNIT_RATIO = 3.0
-"""Smallest ratio (or inverse ratio) of reference and measured value for which a wrong unit is suspected."""
+"""Smallest ratio (or inverse ratio) of measured and reference value for which a wrong unit is suspected."""
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
 _WORDS = {
-    "agrees": "agrees", "close": "within 10 %", "larger": "larger than measured", "smaller": "smaller than measured",
+    "agrees": "agrees", "close": "within 10 %", "larger": "reference larger", "smaller": "reference smaller",
     "unusable": "do not use the measured number", "unknown": "not measured",
 }  # fmt: skip
 
@@ -70,26 +71,26 @@ class ReferenceNumber(Documented):
     written: float | None = None
     verdict: Verdict = "unknown"
     document_keys = (
-        "axis", "symbol", "reference", "key", "measured", "written", "as_written", "factor", "verdict",
+        "axis", "symbol", "reference", "key", "measured", "written", "as_written", "ratio", "verdict",
     )  # fmt: skip
 
     @property
-    def factor(self) -> float | None:
-        """Reference divided by the measured value, or by its upper limit; None if the number was not measured."""
+    def ratio(self) -> float | None:
+        """Measured value, or its upper limit, divided by the reference; None if the number was not measured."""
         measured = self.measured
         if measured is None:
             return None
         value = measured.high if measured.upper_only else measured.value
-        return None if not value or not math.isfinite(value) else self.reference / abs(value)
+        return None if not value or not math.isfinite(value) else abs(value) / self.reference
 
     @property
     def as_written(self) -> float | None:
         """The measured value, or its upper limit, in the convention of the file; None if the reference is no file."""
-        if not self.written or not self.factor:
+        if not self.written or not self.ratio:
             return None
         # The value in the file and the reference are the same number in two conventions, so their ratio converts the
         # measured value too. If the file contains variances, the ratio is squared.
-        return float(self.written / self.factor**self.power)
+        return float(self.written * self.ratio**self.power)
 
     @property
     def unit(self) -> str:
@@ -175,7 +176,7 @@ class ReferenceCheck(Documented, Summarised):
         for rows in sensors.values():
             if any(row.verdict == "unusable" for row in rows):
                 continue
-            causes, factor = {_cause(row, self.rate) for row in rows}, rows[0].factor
+            causes, factor = {_cause(row, self.rate) for row in rows}, rows[0].ratio
             if len(causes) == 1 and (cause := causes.pop()) is not None and factor is not None:
                 names = tuple(f"{row.symbol} of {row.axis}" for row in rows)
                 yield Remark.of("reference-factor", numbers=names, factor=factor, cause=cause, rate=self.rate)
@@ -303,9 +304,9 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
 def _cause(row: ReferenceNumber, rate: float) -> str | None:
     """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion. The
     conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses."""
-    if row.factor is None or max(row.factor, 1 / row.factor) < LEAST_UNIT_RATIO:
+    if row.ratio is None or max(row.ratio, 1 / row.ratio) < LEAST_UNIT_RATIO:
         return None
-    distance = abs(math.log(row.factor))
+    distance = abs(math.log(row.ratio))
     for cause, size in {"rate": math.sqrt(rate), "hour": 60.0, "degree": 180 / math.pi}.items():
         # A remark names a conversion factor that is within 15 % of the ratio: more than most confidence intervals.
         if abs(distance - math.log(size)) < math.log1p(0.15) and size > LEAST_UNIT_RATIO:
@@ -321,16 +322,16 @@ def _summary(found: ReferenceCheck) -> str:
     verdict, *others = found.remarks
     in_file = any(row.key for row in found)
     head = ["", *(["in the file"] if in_file else []), "reference", f"measured ({100 * found.level:g} % interval)"]
-    head += [*(["measured, as in the file"] if in_file else []), "factor", ""]
+    head += [*(["measured, as in the file"] if in_file else []), "measured / reference", ""]
     rows = [head, *(_row_text(row, in_file) for row in found)]
     about = f"Reference: {found.name} ({found.format})." if in_file else "Reference: numbers of a datasheet."
     if in_file:
         about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
-    about += " factor: reference / measured, or its upper limit."
-    parts = [texts([verdict])[0], "\n".join(table_with_rule(rows)), about, *texts(others)]
+    parts = [about, *texts(others)]
     if found.unmatched:
         parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
-    return "\n\n".join(parts)
+    paragraphs = [wrap_text(texts([verdict])[0]), table_with_rule(rows), *map(wrap_text, parts)]
+    return "\n\n".join("\n".join(lines) for lines in paragraphs)
 
 
 def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
@@ -338,10 +339,9 @@ def _row_text(row: ReferenceNumber, in_file: bool) -> list[str]:
     if in_file:
         cells.append(row.key if row.written is None else f"{row.key} {row.written:.4g}")
     value, unit = row.shown
+    limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
     cells += [f"{significant(value, 3)} {unit}", "–" if row.measured is None else row.measured.text()]
     if in_file:
         shown = row.as_written
-        limit = "≤ " if row.measured is not None and row.measured.upper_only else ""
         cells.append("" if shown is None else f"{limit}{shown:.4g}")
-    factor = row.factor
-    return [*cells, "" if factor is None else round_text(factor, 3), _WORDS[row.verdict]]
+    return [*cells, "" if row.ratio is None else limit + round_text(row.ratio, 3), _WORDS[row.verdict]]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.variance.allan_regression import AllanRegression
     from gmwm.measuring.variance.clusters import ClusterVariance
     from gmwm.recording.signals import Signal
-    from gmwm.showing.plots.view import UnitSystem
+    from gmwm.showing.plots.labels import UnitSystem
 
 EXAMPLES = (
     "gmwm allan static.csv --datasheet --plot allan.png",

@@ -35,9 +35,8 @@ def budget(
     rest: Annotated[
         str,
         typer.Option(
-            help="Time at rest before navigation starts. The means over this time give the initial tilt and are "
-            "subtracted from the gyroscopes and from the vertical accelerometer. With 0s, nothing is known about the "
-            "biases.",
+            help="Time at rest before navigation starts. The initial biases and the level are those that a filter with "
+            "N and K knows after this time. With 0s, they are known exactly.",
             metavar="LENGTH",
         ),
     ] = "60s",

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.files.readers.streams import Stream
     from gmwm.recording.signals import Imu
-    from gmwm.showing.plots.view import UnitSystem, ViewName
+    from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 
 def each_topic(

@@ -19,7 +19,7 @@ from gmwm.recording.options import ReadOptions
 if TYPE_CHECKING:
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.recording.signals import Signal
-    from gmwm.showing.plots.view import UnitSystem, ViewName
+    from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm compare static.csv --axis gyro_y --plot compare.png",
@@ -117,7 +117,7 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
 
 def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each axis, with a column for each curve."""
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     tables = []

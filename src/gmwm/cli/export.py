@@ -179,7 +179,7 @@ def _one(
 ) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
     from gmwm.showing.exporters import export as exported
-    from gmwm.showing.exporters.api import require_extension
+    from gmwm.showing.exporters.base import require_extension
 
     if output is not None:
         require_extension(name, output, "output")

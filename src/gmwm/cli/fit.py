@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.starts import Sampled
     from gmwm.fitting.estimation.summary import IntervalMethod
     from gmwm.recording.signals import Signal
-    from gmwm.showing.plots.view import UnitSystem, ViewName
+    from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
     'gmwm fit static.csv --model "2*GM + WN + QN + RW" --output results',

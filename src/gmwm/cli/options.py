@@ -19,7 +19,7 @@ from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import as_confidence
 
 if TYPE_CHECKING:
-    from gmwm.showing.plots.view import UnitSystem
+    from gmwm.showing.plots.labels import UnitSystem
     from gmwm.theory.processes.model import Model, ModelLike
 
 T = TypeVar("T")

@@ -75,7 +75,7 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
     """Format the summary of each process of an axis as a table."""
     from gmwm.cli.output import table_text
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
     rows = [_row(label, _brief(found, label, level), found.kind == "predict", shown.factor) for label in found.labels]

@@ -84,7 +84,7 @@ def whole_text(
     from gmwm.base.axis_names import by_sensor
     from gmwm.base.text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     first = next(iter(curves.values()))
     parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]
@@ -141,7 +141,7 @@ def one_line_of(
     """Format the status in one line: the duration, and for each axis the estimates, or deviations without a model."""
     from gmwm.base.text import duration_text
     from gmwm.fitting.estimation.summary import IntervalMethod, short_values
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     first = next(iter(curves.values()))
     parts = [f"{duration_text(first.samples / first.rate)}, {first.samples} samples"]

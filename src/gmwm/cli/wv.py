@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.recording.signals import Imu
-    from gmwm.showing.plots.view import UnitSystem, ViewName
+    from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
     "gmwm wv static.csv --plot wv.png", "gmwm wv static.csv --axis gyro --view allan --datasheet",
@@ -68,7 +68,7 @@ def wv(
     quantized sensor, the robust variance may be zero, and the command prints a warning. gmwm compare plots the
     classical and the robust variance.
     """
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     strength = chosen_efficiency(robust, efficiency)
     recording = open_recording(
@@ -131,7 +131,7 @@ def _draw(
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
     from gmwm.base.axis_names import by_sensor
-    from gmwm.showing.plots.view import view_of
+    from gmwm.showing.plots.labels import view_of
 
     sensors = by_sensor(results)
     first = next(iter(results.values()))

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke
-from gmwm.showing.plots.linear import even_axis
+from gmwm.showing.plots.axes import even_axis
+from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.style import BLUE
 from gmwm_example.command import Spread
 

@@ -15,19 +15,16 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Imu
-from gmwm.showing.plots.axes import value_axis
-from gmwm.showing.plots.curves import view_for
-from gmwm.showing.plots.figure import Mark, Panel, Stroke
+from gmwm.showing.plots.axes import time_unit, value_axis
+from gmwm.showing.plots.curves import overlay_panel, view_for
+from gmwm.showing.plots.figure import Mark, Panel, Stroke, description
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.labels import sensor_and_letter
-from gmwm.showing.plots.linear import time_unit
-from gmwm.showing.plots.overlay import overlay_panel
+from gmwm.showing.plots.labels import UnitSystem, View, ViewName, sensor_and_letter
 from gmwm.showing.plots.ranking import FIRST, distance_panel
-from gmwm.showing.plots.series import recording_figure
+from gmwm.showing.plots.series import plot_recording
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import curve_stroke, letter_stroke, term_strokes
-from gmwm.showing.plots.view import UnitSystem, View, ViewName
-from gmwm.showing.reports.plotly import plotly_panel
+from gmwm.showing.reports.figures import plotly_panel
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Fixed
 
@@ -82,7 +79,7 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
 
 def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn], float]:
     """Return a figure of each axis over time, in which users can mark a time range, and the unit of time (s)."""
-    figure = recording_figure(imu, units=units)
+    figure = description(plot_recording)(imu, units=units)
     places = {sensor_and_letter(axis): axis for axis in imu}
     if all(sensor for sensor, _ in places):
         sensors = list(dict.fromkeys(sensor for sensor, _ in places))

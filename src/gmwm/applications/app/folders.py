@@ -26,15 +26,7 @@ def too_large(size: int) -> ReadError:
 
 @dataclass(frozen=True)
 class Folders:
-    """The folder that the user opened, and a temporary folder for dropped files.
-
-    Attributes
-    ----------
-    root : Path
-        The folder that the user opened, with symbolic links resolved.
-    dropped : Path
-        The temporary folder, with symbolic links resolved.
-    """
+    """The folder that the user opened, and a temporary folder for dropped files, both without symbolic links."""
 
     root: Path
     dropped: Path

@@ -20,9 +20,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.folders import LARGEST_DROP, Folders, too_large
 from gmwm.applications.app.session import Session
+from gmwm.applications.app.workspace import Desk
 from gmwm.base.errors import GmwmError, GmwmWarning, OptionError, ReadError
 from gmwm.base.extras import library
 
@@ -190,15 +190,7 @@ SIGNAL_CHECK_S = 0.2
 
 @dataclass(frozen=True)
 class Served:
-    """A running server.
-
-    Attributes
-    ----------
-    url : str
-        Address of the page, which contains the secret token.
-    folders : Folders
-        The files that the page may open.
-    """
+    """A running server: address of the page, with the secret token, and the files that the page may open."""
 
     url: str
     folders: Folders

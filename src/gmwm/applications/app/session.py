@@ -1,9 +1,9 @@
-"""The choices of a user as a small JSON document, from which all results can be computed again."""
+"""The choices of a user as a small JSON document, and the commands and code that compute the same results."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -11,15 +11,18 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from gmwm.base.documents import DIALECT, Schemas
 from gmwm.base.errors import GmwmError, OptionError, ReadError
 from gmwm.base.kinds import Document, field_types, require_kinds
+from gmwm.base.template import shell_word
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
+from gmwm.files.readers.streams import is_large
 from gmwm.recording.options import ReadOptions, one_of
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.reduction import Rule
-from gmwm.showing.plots.view import UnitSystem, ViewName
+from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
 
 FORMAT = "gmwm-session"
 LONGEST = 1_000_000
@@ -43,60 +46,25 @@ _ALLOWED: Mapping[str, Sequence[str]] = {
 class Session:
     """The choices of a user of the page. All values are checked on construction.
 
-    Attributes
-    ----------
-    file : str
-        Path of the recording; "" if none is open.
-    reading : mapping
-        Options of `gmwm.read` that differ from their defaults, as `ReadOptions.to_dict` returns them.
-    axis : str
-        The axis whose model is shown.
-    robust : "auto", True or False
-        Use of the robust wavelet variance, as in `gmwm.calibrate`.
-    models : mapping of axis to str
-        The models that the user chose, with held values. gmwm chooses the models of the other axes.
-    confidence : float
-        Confidence level of the intervals.
-    curve : "classical", "robust" or "both"
-        Which estimates of the wavelet variance are drawn.
-    view : "wavelet" or "allan"
-        Quantity of the figures: wavelet variance or Allan deviation.
-    units : "si" or "datasheet"
-        Units of figures and numbers.
-    rule : "worst", "mean", "each" or None
-        How the exported file combines the axes of a sensor; None for the default of the format.
-    inflation : float
-        Factor on all standard deviations in the exported file.
-    horizon : float
-        Time between corrections from other sensors (s).
-    export : str
-        Format of the exported file.
-    reference : mapping of str to str
-        Values of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}.
-    duration : float
-        Time of unaided navigation in the error budget (s).
-
-    Examples
-    --------
     >>> Session(file="static.csv", reading={"skip": [[10, 20]]}).to_dict()
     {'file': 'static.csv', 'reading': {'skip': [[10.0, 20.0]]}}
     """
 
-    file: str = ""
-    reading: Mapping[str, Any] = field(default_factory=dict)
-    axis: str = ""
+    file: str = ""  # path of the recording; "" if none is open
+    reading: Mapping[str, Any] = field(default_factory=dict)  # options of `gmwm.read` that differ from their defaults
+    axis: str = ""  # the axis whose model is shown
     robust: Literal["auto"] | bool = "auto"
-    models: Mapping[str, str] = field(default_factory=dict)
+    models: Mapping[str, str] = field(default_factory=dict)  # models that the user chose, with held values, by axis
     confidence: float = 0.95
     curve: Curve = "classical"
     view: ViewName = "allan"
     units: UnitSystem = "datasheet"
-    rule: Rule | None = None
+    rule: Rule | None = None  # how the exported file combines the axes of a sensor; None for that of the format
     inflation: float = 1.0
-    horizon: float = DEFAULT_HORIZON_S
-    export: str = "kalibr"
-    reference: Mapping[str, str] = field(default_factory=dict)
-    duration: float = 60.0
+    horizon: float = DEFAULT_HORIZON_S  # time between corrections from other sensors (s)
+    export: str = "kalibr"  # format of the exported file
+    reference: Mapping[str, str] = field(default_factory=dict)  # of the manufacturer, such as {"gyro.N": "2.0 deg/√h"}
+    duration: float = 60.0  # time of unaided navigation in the error budget (s)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reading", self.options.to_dict())
@@ -215,3 +183,111 @@ def _plain(value: Any) -> Any:
 
 EMPTY = Session()
 """A session without a recording."""
+
+
+FOLDER = "results"
+"""Folder for results in the commands."""
+
+
+def shell_lines(session: Session) -> list[str]:
+    """Return the shell commands that write the files of the tab "Download".
+
+    >>> print("\\n".join(shell_lines(Session(file="static.csv", reading={"skip": [[10, 20]]}))))
+    gmwm calibrate static.csv --skip 10-20 --output results
+    gmwm export results/calibration.json --format kalibr --output imu.yaml
+    """
+    calibrate = ["gmwm", "calibrate", session.file, *_reading(session.reading)]
+    for axis, model in session.models.items():
+        calibrate += ["--model", f"{axis}={model}"]
+    if session.robust != EMPTY.robust:
+        calibrate += ["--robust", "yes" if session.robust else "no"]
+    if session.confidence != EMPTY.confidence:
+        calibrate += ["--confidence", number(session.confidence)]
+    calibrate += ["--output", FOLDER]
+    export = ["gmwm", "export", f"{FOLDER}/calibration.json", "--format", session.export]
+    if session.rule is not None:
+        export += ["--axes", session.rule]
+    if session.inflation != EMPTY.inflation:
+        export += ["--inflation", number(session.inflation)]
+    if session.horizon != EMPTY.horizon:
+        export += ["--horizon", f"{number(session.horizon)}s"]
+    export += ["--output", file_name(session)]
+    return [" ".join(map(shell_word, words)) for words in (calibrate, export)]
+
+
+def python_lines(session: Session) -> list[str]:
+    """Return the lines of Python code that write the files of the tab "Download".
+
+    >>> print("\\n".join(python_lines(Session(file="static.csv", models={"gyro": "GM + WN"}))))
+    import gmwm
+    <BLANKLINE>
+    imu = gmwm.read('static.csv')
+    calibration = gmwm.calibrate(imu, models={'gyro': 'GM + WN'}).of_file('static.csv')
+    calibration.save('calibration.json')
+    calibration.report('report.html')
+    calibration.export('imu.yaml', 'kalibr')
+    """
+    options: dict[str, Any] = {"robust": session.robust, "confidence": session.confidence, "models": session.models}
+    changed = {name: value for name, value in options.items() if value != getattr(EMPTY, name)}
+    export: dict[str, Any] = {"axes": session.rule, "inflation": session.inflation, "horizon": session.horizon}
+    defaults = {"axes": EMPTY.rule, "inflation": EMPTY.inflation, "horizon": EMPTY.horizon}
+    chosen = {name: value for name, value in export.items() if value != defaults[name]}
+    opened = "stream" if is_large(Path(session.file)) else "read"
+    return [
+        "import gmwm",
+        "",
+        f"imu = gmwm.{opened}({_call(session.file, **session.reading)})",
+        f"calibration = gmwm.calibrate({_call(**changed, first='imu')}).of_file({session.file!r})",
+        "calibration.save('calibration.json')",
+        "calibration.report('report.html')",
+        f"calibration.export({_call(file_name(session), session.export, **chosen)})",
+    ]
+
+
+def file_name(session: Session) -> str:
+    """Return the name of the exported file in the format of a session.
+
+    >>> file_name(Session()), file_name(Session(export="openvins"))
+    ('imu.yaml', 'openvins.yaml')
+    """
+    from gmwm.showing.exporters.base import find_exporter
+
+    return f"{'imu' if session.export == EMPTY.export else session.export}{find_exporter(session.export).extension}"
+
+
+def number(value: float) -> str:
+    """Format a number with all digits, but a whole number without a decimal point.
+
+    >>> number(20.0), number(0.1)
+    ('20', '0.1')
+    """
+    return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+def _call(*values: Any, first: str = "", **named: Any) -> str:
+    """Format the arguments of a Python call. `first` is an argument that is already code."""
+    return ", ".join([*([first] if first else []), *map(repr, values), *(f"{k}={v!r}" for k, v in named.items())])
+
+
+def _reading(reading: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the words of the shell options for reading a recording."""
+    for name, value in reading.items():
+        option = f"--{name.replace('_', '-')}"
+        if name == "skip":
+            for begin, end in value:
+                yield from (option, f"{number(begin)}-{number(end)}")
+        elif name == "columns":
+            yield from (option, _columns(value))
+        elif isinstance(value, Mapping):
+            pairs = (f"{k}={number(v) if isinstance(v, float) else v}" for k, v in value.items())
+            yield from (option, ",".join(pairs))
+        elif isinstance(value, list):
+            yield from (option, ",".join(value))
+        else:
+            yield from (option, number(value) if isinstance(value, float) else str(value))
+
+
+def _columns(columns: Any) -> str:
+    if isinstance(columns, Mapping):
+        return ",".join(f"{axis}={'' if column is None else column}" for axis, column in columns.items())
+    return ",".join(axis or "" for axis in columns)

@@ -1,25 +1,26 @@
-"""Compute the results of a session in jobs that call public functions of gmwm, and keep the results for later use."""
+"""The pages that are open, and the jobs that compute their results and keep them for later use."""
 
 from __future__ import annotations
 
 import threading
+import time
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 import gmwm
 from gmwm.applications.app.folders import Folders
-from gmwm.applications.app.jobs import Job, Jobs
 from gmwm.applications.app.session import Session
 from gmwm.base.arrays import Vector, runs_of
 from gmwm.base.axis_names import by_sensor, sensor_of
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, stoppable
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT
 from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit
@@ -34,6 +35,133 @@ from gmwm.measuring.inspection import inspect
 from gmwm.measuring.variance.result import WaveletVariances
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu, Signal
+
+State = Literal["running", "done", "failed", "cancelled"]
+SILENT_S = 0.3
+"""Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
+
+
+class Cancelled(BaseException):
+    """Exception that stops a cancelled job. It is not an `Exception`, so that no handler of errors catches it."""
+
+
+class Job:
+    """A computation that runs in its own thread."""
+
+    def __init__(self, title: str, work: Callable[[Job], Any], finished: Callable[[], None]) -> None:
+        self.title, self._work, self._finished = title, work, finished  # the user sees the title
+        self.state: State = "running"
+        self.text = ""  # description of the last step
+        self.share: float | None = None  # finished fraction of the work; None if unknown
+        self.value: Any = None  # the result, if the state is "done"
+        self.error: Exception | None = None  # the error, if the state is "failed"
+        self._stop, self._ended = threading.Event(), threading.Event()
+        self._lock = threading.Lock()
+        self._begun = time.monotonic()
+        self._thread = threading.Thread(target=self._run, name=title, daemon=True)
+        self._thread.start()
+
+    def step(self, text: str, done: float = 0, total: float = 0) -> None:
+        """Report progress: a description of the step, and the finished and total amounts of work if known."""
+        self.check()
+        self.text, self.share = text, min(done / total, 1.0) if total > 0 else None
+
+    @property
+    def progress(self) -> str:
+        """Title, last step and running time, such as "Calibrating gyro_y, 4 s"."""
+        return f"{f'{self.title} {self.text}'.rstrip()}, {time.monotonic() - self._begun:.0f} s"
+
+    def check(self) -> None:
+        """Raise `Cancelled` if the job was cancelled."""
+        if self._stop.is_set():
+            raise Cancelled
+
+    def cancel(self) -> None:
+        """Stop the job at its next call of `step` or `check`. Its result is not used, even if it ends before."""
+        self._stop.set()
+        self._end("cancelled")
+
+    def join(self, seconds: float) -> bool:
+        """Wait at most this time (s) for the end of the job, and return whether it has ended."""
+        return self._ended.wait(seconds)
+
+    def result_for(self, other: Job) -> Any:
+        """Wait for the result of this job in another job, and return it. The other job shows its progress."""
+        while not self.join(0.05):  # check for a cancellation every 0.05 s
+            other.step(f"{self.title}: {self.text}" if self.text else self.title)
+        if self.state == "cancelled":
+            raise Cancelled
+        if self.error is not None:
+            raise self.error
+        return self.value
+
+    def _run(self) -> None:
+        try:
+            with stoppable(self.check):
+                value = self._work(self)
+        except Cancelled:
+            self._end("cancelled")
+        except Exception as error:
+            self._end("failed", error=error)
+        else:
+            self._end("done", value=value)
+
+    def _end(self, state: State, value: Any = None, error: Exception | None = None) -> None:
+        with self._lock:
+            if self.state != "running":
+                return
+            self.value, self.error, self.state = value, error, state
+        self._finished()
+        self._ended.set()
+
+
+class Jobs:
+    """The jobs of one page. The last jobs of each kind are kept, and older jobs are cancelled."""
+
+    def __init__(self) -> None:
+        self.revision = 0  # increases whenever a job ends
+        self._jobs: dict[str, OrderedDict[Hashable, Job]] = {}
+        self._lock = threading.RLock()
+
+    def ask(
+        self, kind: str, key: Hashable, title: str, work: Callable[[Job], Any], *, kept: int = 2, alone: bool = True
+    ) -> Job:
+        """Return the job with a key, and start it if there is none."""
+        with self._lock:
+            of_kind = self._jobs.setdefault(kind, OrderedDict())
+            job = of_kind.get(key)
+            if job is not None:
+                of_kind.move_to_end(key)
+                return job
+            for other in of_kind.values() if alone else ():
+                other.cancel()
+            while len(of_kind) >= kept:
+                of_kind.popitem(last=False)[1].cancel()
+            job = of_kind[key] = Job(title, work, self._count_end)
+            return job
+
+    def running(self) -> list[Job]:
+        """Return the jobs that are still running."""
+        with self._lock:
+            return [job for of_kind in self._jobs.values() for job in of_kind.values() if job.state == "running"]
+
+    def cancel(self) -> None:
+        """Cancel all running jobs."""
+        for job in self.running():
+            job.cancel()
+
+    def again(self) -> None:
+        """Remove the jobs that failed or were cancelled, so that the next call of `ask` starts them again."""
+        with self._lock:
+            for of_kind in self._jobs.values():
+                for key in [key for key, job in of_kind.items() if job.state in ("failed", "cancelled")]:
+                    del of_kind[key]
+        self._count_end()
+
+    def _count_end(self) -> None:
+        with self._lock:
+            self.revision += 1
+
 
 SCREEN_COLUMNS = 2048
 """Largest number of columns to which a recording is reduced, which is more than a screen shows."""
@@ -123,24 +251,12 @@ CUTS = ("start", "stop", "skip", "gaps")
 
 
 class Workspace:
-    """The session and the results of one page in a browser.
-
-    The methods that compute a result return a job. Jobs of other pages are not affected.
-
-    Attributes
-    ----------
-    folders : Folders
-        The files that the page may open.
-    session : Session or None
-        The last session of the page; None if the page has not changed its session since this workspace was created.
-    lock : lock
-        Lock that is held while the session changes, so that no change is lost if two changes come at the same time.
-    """
+    """The session and the results of one page in a browser. Methods that compute a result return a job."""
 
     def __init__(self, folders: Folders) -> None:
         self.folders, self.jobs = folders, Jobs()
-        self.session: Session | None = None
-        self.lock = threading.Lock()
+        self.session: Session | None = None  # None if the page has not changed its session since this was created
+        self.lock = threading.Lock()  # held while the session changes, so that no change is lost
 
     def path(self, session: Session) -> Path:
         """Return the path of the recording of a session. Raises an error if the page may not open it."""
@@ -298,3 +414,32 @@ def _stamp(path: Path) -> tuple[str, int, int]:
     """Return path, time of change and size of a file, which identify its content."""
     state = path.stat()
     return str(path), state.st_mtime_ns, state.st_size
+
+
+class Desk:
+    """The open pages of a server. A new page starts with the session `first`."""
+
+    def __init__(self, folders: Folders, first: Session) -> None:
+        self.folders, self.first = folders, first
+        self.places: list[str] = []  # page elements that are drawn again when the state changes
+        self._pages: OrderedDict[str, Workspace] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def workspace(self, page: str) -> Workspace:
+        """Return the workspace of a page by its identifier. A new page gets a new workspace."""
+        with self._lock:
+            workspace = self._pages.setdefault(page, Workspace(self.folders))
+            self._pages.move_to_end(page)
+            while len(self._pages) > 8:  # the results of an older page are computed again
+                _, oldest = self._pages.popitem(last=False)
+                oldest.jobs.cancel()
+            return workspace
+
+    def session(self, data: dict[str, Any] | None) -> Session:
+        """Return the session for the data that a page has stored. Raises an error if a value is not allowed."""
+        return self.first if data is None else Session.from_dict(data)
+
+    def close(self) -> None:
+        """Cancel the jobs of all pages."""
+        for workspace in self._pages.values():
+            workspace.jobs.cancel()

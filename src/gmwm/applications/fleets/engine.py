@@ -22,8 +22,16 @@ from gmwm.applications.fleets.result import (
     write_facts,
     write_unit,
 )
-from gmwm.applications.fleets.table import RUN_AGAIN, Row, as_table, failed_row, write_table
-from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions, UnitOutcome
+from gmwm.applications.fleets.unit_job import (
+    RUN_AGAIN,
+    Row,
+    UnitJob,
+    UnitOptions,
+    UnitOutcome,
+    as_table,
+    failed_row,
+    write_table,
+)
 from gmwm.applications.fleets.workers import Cluster, Here, Processes, WorkPlace, allowing_lost_workers, run_jobs
 from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmWarning, OptionError

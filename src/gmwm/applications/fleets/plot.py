@@ -17,12 +17,23 @@ from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
-from gmwm.showing.plots.axes import limits_of, value_axis
+from gmwm.showing.plots.axes import even_axis, limits_of, power_of, scaled_unit, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, Text, Tick
+from gmwm.showing.plots.figure import (
+    PAGE,
+    Axis,
+    Band,
+    Figure,
+    Mark,
+    Panel,
+    Polyline,
+    Stroke,
+    Symbol,
+    Text,
+    Tick,
+    drawing,
+)
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
 
 if TYPE_CHECKING:
@@ -44,8 +55,19 @@ ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
-def fleet_figure(fleet: Fleet) -> Figure:
-    """Return the figure of `Fleet.plot`: a panel for each quantity of a sensor, with a strip for each axis."""
+@drawing
+def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the datasheet parameters of all units in ascending order, for each axis.
+
+    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+    value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
+    are outlying units, and triangles are upper limits.
+
+    Raises
+    ------
+    OptionError
+        If there is nothing to draw, or if the picture cannot be written to `path`.
+    """
     statistics = fleet.statistics
     if not statistics.rows:
         raise OptionError(
@@ -66,22 +88,6 @@ def fleet_figure(fleet: Fleet) -> Figure:
     odd = len({outlier.unit for outlier in statistics.outliers})
     title = counted(statistics.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
-
-
-@drawing
-def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> Figure:
-    """Draw the datasheet parameters of all units in ascending order, for each axis.
-
-    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
-    value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
-    are outlying units, and triangles are upper limits.
-
-    Raises
-    ------
-    OptionError
-        If there is nothing to draw, or if the picture cannot be written to `path`.
-    """
-    return fleet_figure(fleet)
 
 
 def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetStatistics, units: Sequence[str]) -> Panel:

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gmwm.applications.fleets.discovery import FILE, FleetUnits
-from gmwm.applications.fleets.table import RUN_AGAIN, Row, from_plain, read_table
-from gmwm.applications.fleets.unit_job import PART, UnitOptions, stamp_of
+from gmwm.applications.fleets.unit_job import PART, RUN_AGAIN, Row, UnitOptions, from_plain, read_table, stamp_of
 from gmwm.base.atomic_files import read_json, write_text
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.plotting import Plotted, register
@@ -204,7 +203,7 @@ class Fleet(Summarised, Plotted):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the fleet, the most severe first."""
-        from gmwm.applications.fleets.findings import of_units
+        from gmwm.applications.fleets.statistics_result import of_units
 
         remarks = of_units(self.table, len(self.units), len(self.failed))
         return tuple(sorted_remarks([*remarks, *self.statistics.remarks]))

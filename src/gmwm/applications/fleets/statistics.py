@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.fleets.findings import LEAST_UNITS, LEAST_UNITS_FOR_OUTLIERS, deviants, looked_for
-from gmwm.applications.fleets.statistics_result import SIGNED, AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.applications.fleets.statistics_result import (
+    LEAST_UNITS,
+    LEAST_UNITS_FOR_OUTLIERS,
+    SIGNED,
+    AxisDifference,
+    FleetNumber,
+    FleetStatistics,
+    OutlierUnit,
+    deviants,
+    looked_for,
+)
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError

@@ -2,8 +2,7 @@
 
 from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.baseline import Baseline, baselines
-from gmwm.applications.monitor.consistency import consistency
-from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency, PredictionError
+from gmwm.applications.monitor.consistency import AxisConsistency, Consistency, PredictionError, consistency
 from gmwm.applications.monitor.events import Event
 from gmwm.applications.monitor.redundant import UnitEvent, redundant
 from gmwm.applications.monitor.trace import Trace

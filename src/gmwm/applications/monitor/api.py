@@ -21,8 +21,7 @@ from gmwm.applications.monitor.baseline import (
     remarks_of,
 )
 from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
-from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.naming import NAMING_S, Fault, naming_time
+from gmwm.applications.monitor.events import NAMING_S, Event, Fault, naming_time
 from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity

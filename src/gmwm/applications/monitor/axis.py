@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
-from gmwm.applications.monitor.events import Kind
-from gmwm.applications.monitor.naming import Fault, History, name_fault
+from gmwm.applications.monitor.events import Fault, History, Kind, name_fault
 from gmwm.applications.monitor.whitening import Gain, Whitener, number, numbers, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain_fields

@@ -1,4 +1,4 @@
-"""Options of a monitor, and the baseline of an axis: statistics of its innovations while the sensor is healthy."""
+"""Options of a monitor, and the baseline of an axis, also as an addition to a calibration."""
 
 from __future__ import annotations
 
@@ -10,14 +10,21 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.charts import BLOCKS_OF_LEVEL, ChartSettings, differences, white_shape, window
-from gmwm.applications.monitor.thresholds import spike_limit
+from gmwm.applications.monitor.charts import (
+    BLOCKS_OF_LEVEL,
+    ChartSettings,
+    differences,
+    spike_limit,
+    white_shape,
+    window,
+)
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate
 from gmwm.base.documents import plain_fields
 from gmwm.base.durations import parse_length
-from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.calibration.additions import AxisAddition
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu
@@ -25,6 +32,8 @@ from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
+    from gmwm.recording.signals import Signal
+
 
 LEAST_BLOCKS = 80
 """Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
@@ -386,3 +395,27 @@ def baselines(
         axis: Baseline.of(models[axis], [np.concatenate(part) for part in segments], rate)
         for axis, segments in parts.items()
     }
+
+
+class BaselineAddition(AxisAddition):
+    """The baseline of each axis: statistics of the innovations of its model in the recording."""
+
+    name = "baseline"
+    # 1.5 h at 100 Hz. With these samples, the standard deviation of every chart statistic is known to a few per cent.
+    beginning = 1 << 19
+
+    def of_axis(self, fit: Fit, beginnings: Sequence[Signal]) -> Baseline | None:
+        """Measure the baseline; None if the samples are too few, or if the model has no Kalman filter."""
+        segments = [values for signal in beginnings for values in signal.segment_values()]
+        try:
+            return Baseline.of(fit.model, segments, beginnings[0].rate)
+        except (DataError, ModelError):
+            return None  # the monitor reports it
+
+    def to_dict(self, value: Baseline) -> dict[str, Any]:
+        """Return a baseline as numbers and lists for JSON."""
+        return value.to_dict()
+
+    def from_dict(self, content: Mapping[str, Any]) -> Baseline:
+        """Restore a baseline from the result of `to_dict`."""
+        return Baseline.from_dict(content)

@@ -13,41 +13,17 @@ from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError
 from gmwm.base.text import duration_text
 from gmwm.base.units import SI_UNIT
-from gmwm.showing.exporters.quality import TRUE
-from gmwm.showing.plots.axes import limits_of, quiet, time_axis, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM
+from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
+from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.linear import even_axis, time_unit
+from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
-from gmwm.showing.plots.view import UnitSystem, view_of
 
 if TYPE_CHECKING:
-    from gmwm.applications.monitor.consistency_result import AxisConsistency, Consistency
+    from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
-
-
-def trace_figure(trace: Trace) -> Figure:
-    """Return the figure of `Trace.plot`, with a row for each axis that shows its signal and its charts."""
-    axes = trace.monitor.axes
-    times = [trace.signal(axis)[0] for axis in axes]
-    if not times[0].size:
-        raise DataError("the monitor has no samples to draw", advice="Pass samples to the trace first.")
-    first, last = float(times[0][0]), float(times[0][-1])
-    unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
-    rows = []
-    # The time of the first sample may be seconds since 1970, or after the start of the recording.
-    label = f"Time since the first sample{f', at {first:.10g} s' if first else ''} ({unit})"
-    for axis in axes:
-        below = axis == axes[-1]
-        x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
-        x = x if below else quiet(x)
-        events = [event for event in trace.events if event.axis in (axis, "")]
-        scale = (first, size)
-        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
-    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:
@@ -91,12 +67,23 @@ def plot_trace(trace: Trace, *, path: str | os.PathLike[str] | None = None) -> F
     OptionError
         If the ending of `path` is unknown.
     """
-    return trace_figure(trace)
-
-
-def consistency_figure(result: Consistency, units: UnitSystem = "auto") -> Figure:
-    """Return the figure of `Consistency.plot`."""
-    return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})
+    axes = trace.monitor.axes
+    times = [trace.signal(axis)[0] for axis in axes]
+    if not times[0].size:
+        raise DataError("the monitor has no samples to draw", advice="Pass samples to the trace first.")
+    first, last = float(times[0][0]), float(times[0][-1])
+    unit, size = time_unit(max(last - first, 1.0 / trace.monitor.rate))
+    rows = []
+    # The time of the first sample may be seconds since 1970, or after the start of the recording.
+    label = f"Time since the first sample{f', at {first:.10g} s' if first else ''} ({unit})"
+    for axis in axes:
+        below = axis == axes[-1]
+        x = even_axis(0.0, max(last - first, 1e-9) / size, label, margin=0.01, at_most=6)
+        x = x if below else quiet(x)
+        events = [event for event in trace.events if event.axis in (axis, "")]
+        scale = (first, size)
+        rows.append((_signal(trace, axis, events, x=x, scale=scale), _charts(trace, axis, x=x, scale=scale)))
+    return Figure(tuple(rows), width=PAGE, height=18.0 + 30.0 * len(rows), legend_columns=3)
 
 
 def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
@@ -105,7 +92,7 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         [[error.horizon, error.claimed, error.real, error.low, error.high] for error in axis.curve]
     ).T
     claimed, real = view.factor * claimed, view.factor * real
-    least, most = TRUE
+    least, most = TRUE_CLAIM
     marks: list[Mark] = [
         Band(times, claimed / most, claimed / least, GREY, label=f"Claim of {least:g} to {most:g} times the error"),
         Band(times, claimed / high, claimed / low, BLUE, label=f"{100 * level:g} % interval of the error", layer=1),
@@ -123,4 +110,4 @@ def plot_consistency(
     result: Consistency, *, units: UnitSystem = "auto", path: str | os.PathLike[str] | None = None
 ) -> Figure:
     """Draw the claimed and the real error of the mean over the next T seconds against T, a panel for each axis."""
-    return consistency_figure(result, units)
+    return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})

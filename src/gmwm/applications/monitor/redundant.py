@@ -9,8 +9,7 @@ import numpy as np
 
 from gmwm.applications.monitor.api import Monitor
 from gmwm.applications.monitor.baseline import Baseline, as_every, check_rate, chunks_of, common_rate, models_of
-from gmwm.applications.monitor.events import Event
-from gmwm.applications.monitor.naming import NAMING_S
+from gmwm.applications.monitor.events import NAMING_S, Event
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.files.readers.streams import Stream

@@ -8,36 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmwm.applications.navigation.result import Budget, Growth
-from gmwm.applications.navigation.summary_text import RIGHT_ANGLE, largest, merged_terms
+from gmwm.applications.navigation.result import RIGHT_ANGLE, Budget, Growth, largest, merged_terms
 from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Text
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.style import BLACK, GREY, curve_stroke, term_stroke
 
 _TITLES = {"tilt": "Attitude error", "heading": "Attitude error", "velocity": "Velocity error",
            "position": "Position error", "height": "Position error"}  # fmt: skip
-
-
-def budget_figure(budget: Budget) -> Figure:
-    """Return the figure of `Budget.plot`."""
-    chosen = list(_chosen(budget).values())
-    # Each term has the same stroke in all panels.
-    labels = dict.fromkeys(label for growth in chosen for label in _drawn_terms(growth))
-    strokes = {label: term_stroke(k) for k, label in enumerate(labels)}
-    panels: list[Panel] = [_growth(growth, strokes, budget) for growth in chosen]
-    if budget.alignment:
-        panels.append(_alignment(budget))
-    rows = tuple(tuple(panels[k : k + 2]) for k in range(0, len(panels), 2))
-    if len(panels) == 1:
-        return Figure(rows, width=100.0, height=90.0)
-    filled = tuple((*row, None) if len(row) == 1 else row for row in rows)
-    alignment = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
-    title = f"Error budget of unaided inertial navigation (1 σ{alignment})"
-    return Figure(filled, width=174.0, height=26.0 + 62.0 * len(rows), title=title, legend_columns=3)
 
 
 def _chosen(budget: Budget) -> dict[str, Growth]:
@@ -99,4 +79,17 @@ def _alignment(budget: Budget) -> Panel:
 @drawing
 def plot_budget(budget: Budget, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the largest attitude, velocity and position error over time with its terms, and the alignment errors."""
-    return budget_figure(budget)
+    chosen = list(_chosen(budget).values())
+    # Each term has the same stroke in all panels.
+    labels = dict.fromkeys(label for growth in chosen for label in _drawn_terms(growth))
+    strokes = {label: term_stroke(k) for k, label in enumerate(labels)}
+    panels: list[Panel] = [_growth(growth, strokes, budget) for growth in chosen]
+    if budget.alignment:
+        panels.append(_alignment(budget))
+    rows = tuple(tuple(panels[k : k + 2]) for k in range(0, len(panels), 2))
+    if len(panels) == 1:
+        return Figure(rows, width=100.0, height=90.0)
+    filled = tuple((*row, None) if len(row) == 1 else row for row in rows)
+    alignment = f", after {duration_text(budget.rest)} at rest" if budget.rest else ""
+    title = f"Error budget of unaided inertial navigation (1 σ{alignment})"
+    return Figure(filled, width=174.0, height=26.0 + 62.0 * len(rows), title=title, legend_columns=3)

@@ -1,8 +1,9 @@
-"""Results of an error budget: navigation errors over time, and their collection."""
+"""Results of an error budget: navigation errors over time, and their summary."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
+from gmwm.base.errors import OptionError
 from gmwm.base.frames import Tabular
 from gmwm.base.plotting import Plotted, register
-from gmwm.base.remarks import Remark
-from gmwm.base.text import Summarised
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.text import Summarised, align, duration_text
+from gmwm.choosing.datasheets.entry import significant
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -123,7 +126,6 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
 
     def summary(self) -> str:
         """Return the budget as text: the final errors with their largest terms, and the errors at several times."""
-        from gmwm.applications.navigation.summary_text import summary
 
         return summary(self)
 
@@ -133,7 +135,6 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
         `labels` are the names of the two budgets. If they have no error in common, or differ in duration, time at rest
         or latitude, an OptionError is raised.
         """
-        from gmwm.applications.navigation.summary_text import comparison
 
         return comparison(self, other, labels)
 
@@ -159,3 +160,154 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
 
 
 register(Budget, "gmwm.applications.navigation.plot:plot_budget")
+
+
+SHOWN = (1.0, 10.0, 60.0, 600.0, 3600.0, 36000.0)
+"""Times (s) for which the table shows the errors, in addition to the duration."""
+RIGHT_ANGLE = 90.0
+"""Alignment errors above this angle (deg) are not shown as numbers, because the direction is then unknown."""
+_KINDS = {
+    "tilt": ("tilt_x", "tilt_y"), "heading": ("heading",), "velocity": ("velocity_x", "velocity_y"),
+    "position": ("position_x", "position_y"), "height": ("position_z",),
+}  # fmt: skip
+"""Columns of the table of errors over time. A column shows the largest of the errors in its list."""
+
+
+def summary(budget: Budget) -> str:
+    """Return the text of `Budget.summary`."""
+    lines = [headline(budget), start(budget), "", *_after(budget)]
+    if len(budget.times) > 1:
+        lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
+    if budget.alignment:
+        title = f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
+        lines += ["", title, *_alignment(budget)]
+    lines += ["", *method(budget)]
+    return "\n".join([*lines, *texts(budget.remarks)])
+
+
+def headline(budget: Budget) -> str:
+    """Return one sentence with the largest tilt, heading and position errors at the end of the duration."""
+    parts = [
+        f"{kind} {number_text(worst, budget.duration)} {worst.unit}"
+        for kind in ("tilt", "heading", "position")
+        if (worst := largest(budget, kind)) is not None
+    ]
+    return f"After {duration_text(budget.duration)} of navigation without corrections: {', '.join(parts)} (1 σ)."
+
+
+def start(budget: Budget) -> str:
+    """Return one sentence with the rule for the start of all terms."""
+    if not budget.rest:
+        return "Start: for all terms, the biases and the level are known exactly."
+    time = duration_text(budget.rest)
+    return f"Start: for all terms, the bias and the level are those of a filter with N and K after {time} at rest."
+
+
+def largest(budget: Budget, kind: str) -> Growth | None:
+    """Return the error of a kind, such as "tilt", that is largest at the end of the duration; None if there is none."""
+    candidates = [budget.growths[name] for name in _KINDS[kind] if name in budget.growths]
+    return max(candidates, key=lambda growth: float(growth.stated[-1]), default=None)
+
+
+def number_text(one: Growth, time: float, largest_number: float = np.inf) -> str:
+    """Format an error at a time (s) without its interval, or its upper limit; both are interpolated linearly on
+    logarithmic scales. Of a larger error than `largest_number`, only this is stated."""
+    with np.errstate(divide="ignore"):
+        value = float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.stated))))
+    if value >= largest_number:
+        return f"> {largest_number:g}"
+    limit = bool(one.upper_only[min(int(np.searchsorted(one.times, time)), len(one.times) - 1)])
+    return f"{'≤ ' if limit else ''}{significant(value, 3)}"
+
+
+def error_text(one: Growth, k: int = -1) -> str:
+    """Format an error at the k-th time with its interval and unit. The default is the last time."""
+    value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
+    if low == high:
+        return f"{significant(value, 3)} {one.unit}"
+    if one.upper_only[k]:
+        return f"≤ {significant(high, 3)} {one.unit}"
+    return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
+
+
+def merged_terms(growth: Growth) -> dict[str, Vector]:
+    """Return the terms of an error. The oscillations of an axis are one term, the root of their sum of squares."""
+    terms: dict[str, Vector] = {}
+    for term, values in growth.terms.items():
+        label = re.sub(r" OSC(\[\d+\])?$", " oscillations", term)
+        terms[label] = np.hypot(terms.get(label, 0.0), values)
+    return terms
+
+
+def terms_text(one: Growth, k: int = -1) -> str:
+    """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
+    parts = sorted(((float(values[k]), label) for label, values in merged_terms(one).items()), reverse=True)
+    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
+    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
+
+
+def _after(budget: Budget) -> list[str]:
+    growths = budget.growths.values()
+    interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
+    rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
+    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
+    return _table(rows)
+
+
+def _growth(budget: Budget) -> list[str]:
+    kinds = {kind: growth for kind in _KINDS if (growth := largest(budget, kind)) is not None}
+    rows: list[Sequence[str]] = [("time", *(f"{kind} ({growth.unit})" for kind, growth in kinds.items()))]
+    for time in shown_times(budget):
+        rows.append((duration_text(time), *(number_text(growth, time) for growth in kinds.values())))
+    return _table(rows, right=range(1, len(rows[0])))
+
+
+def _alignment(budget: Budget) -> list[str]:
+    rows: list[Sequence[str]] = [("averaging", *(f"{growth.title} (deg)" for growth in budget.alignment.values()))]
+    for time in shown_times(budget):
+        rows.append((duration_text(time), *(number_text(g, time, RIGHT_ANGLE) for g in budget.alignment.values())))
+    return _table(rows, right=range(1, len(rows[0])))
+
+
+def shown_times(budget: Budget) -> list[float]:
+    """Return the times (s) for which the tables show the errors."""
+    inside = [time for time in SHOWN if budget.times[0] <= time < 0.99 * budget.duration]
+    return [*inside, budget.duration]
+
+
+def method(budget: Budget) -> list[str]:
+    """Return sentences that state the assumptions of the budget."""
+    return [
+        f"A level vehicle at rest at {budget.latitude:g}° latitude, x north: linear error equations with the rotation "
+        "of the Earth.",
+        "Constant biases, scale factors and misalignments are not included.",
+    ]
+
+
+def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
+    """Return the text of `Budget.compare`."""
+    rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
+    for row in comparison_rows(one, other):
+        rows.append((row[0], row[1], row[2], f"{row[3]:.2f}"))
+    title = f"After {duration_text(one.duration)} of navigation without corrections"
+    return "\n".join([title, *_table(rows)])
+
+
+def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
+    """Return the title of each error that both budgets have, its two values as text, and the ratio of these."""
+    for name in ("duration", "rest", "latitude"):
+        if getattr(one, name) != getattr(other, name):
+            raise OptionError(argument="other", expected=f"a budget with the same {name}", got=getattr(other, name))
+    shared = [name for name in one if name in set(other)]
+    if not shared:
+        raise OptionError(argument="other", expected=f"a budget of {', '.join(one)}", got=", ".join(other))
+    rows = []
+    for name in shared:
+        ratio = float(other[name].stated[-1]) / float(one[name].stated[-1]) if one[name].stated[-1] > 0 else np.inf
+        rows.append((one[name].title, error_text(one[name]), error_text(other[name]), ratio))
+    return rows
+
+
+def _table(rows: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
+    head, *lines = align(rows, right=set(right))
+    return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gmwm.applications.navigation.summary_text import error_text, headline, start, terms_text
+from gmwm.applications.navigation.result import error_text, headline, start, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
-from gmwm.showing.reports.sections import Section
+from gmwm.showing.reports.content import Section
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -3,11 +3,9 @@
 from gmwm.applications.several.cross import cross
 from gmwm.applications.several.fusion import fuse
 from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
-from gmwm.applications.several.joint_fit import fit_joint
-from gmwm.applications.several.joint_result import JointFit, SharedTerm
+from gmwm.applications.several.joint_fit import JointFit, SharedTerm, fit_joint
 from gmwm.applications.several.result import CrossCovariance, SharedNoise
-from gmwm.applications.several.same import same
-from gmwm.applications.several.same_result import ParameterRatio, SameNoise, SameParameters
+from gmwm.applications.several.same import ParameterRatio, SameNoise, SameParameters, same
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace
 from gmwm.choosing.replicates.comparison import LevelRatio
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.applications.several.conic import Cone, least_squares
-from gmwm.applications.several.moments import entries, symmetric
+from gmwm.applications.several.matrices import entries, symmetric
 from gmwm.applications.several.search import JointEstimate, JointProblem, descend
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process

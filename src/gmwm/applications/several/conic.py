@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.applications.several.moments import entries, symmetric
+from gmwm.applications.several.matrices import entries, symmetric
 from gmwm.base.arrays import Matrix, Vector
 
 

@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.applications.several.conic import least_squares
-from gmwm.applications.several.difference_filter import ArrayNoise, DifferenceFilter, wavelet_variance
-from gmwm.applications.several.fitting import JointSolution, measured_at, settle
-from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor, like_axes
-from gmwm.applications.several.inference import errors, misfit
-from gmwm.applications.several.matrices import WaveletMatrices, wavelet_matrices
-from gmwm.applications.several.moments import entries, moment_covariance, stack
-from gmwm.applications.several.terms import joint_terms
+from gmwm.applications.several.fitting import JointSolution, errors, measured_at, misfit, settle
+from gmwm.applications.several.fusion_result import (
+    ArrayNoise,
+    DifferenceFilter,
+    VirtualAxis,
+    VirtualSensor,
+    like_axes,
+    wavelet_variance,
+)
+from gmwm.applications.several.matrices import WaveletMatrices, entries, moment_covariance, stack, wavelet_matrices
+from gmwm.applications.several.search import joint_terms
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError

@@ -1,21 +1,428 @@
-"""Fit a model of several signals at once: `gmwm.fit_joint`."""
+"""Fit a model of several signals at once with `gmwm.fit_joint`, and its result."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from gmwm.applications.several.certificate import Prover
-from gmwm.applications.several.fitting import JointSolution, chosen_signals, measured_at, settle
-from gmwm.applications.several.joint_result import JointFit
-from gmwm.applications.several.moments import lag_products
-from gmwm.applications.several.search import descend
-from gmwm.applications.several.terms import joint_terms
-from gmwm.base.errors import OptionError
+from gmwm.applications.several.certificate import LARGEST_GAP, Prover
+from gmwm.applications.several.fitting import (
+    SINGULAR_SHARE,
+    Errors,
+    JointSolution,
+    chosen_signals,
+    correlation_errors,
+    correlation_of,
+    errors,
+    measured_at,
+    misfit,
+    settle,
+    sharing,
+    unconstrained_matrix,
+)
+from gmwm.applications.several.matrices import entries, lag_products, symmetric
+from gmwm.applications.several.search import descend, joint_terms, sum_model, with_kind
+from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
+from gmwm.base.arrays import Matrix
+from gmwm.base.documents import plain, plain_fields
+from gmwm.base.errors import MissingTheoryError, OptionError
+from gmwm.base.plotting import Plotted, register
+from gmwm.base.remarks import Remark, texts
+from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
+from gmwm.fitting.estimation.goodness import GoodnessOfFit
+from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
-from gmwm.theory.processes.model import ModelLike
+from gmwm.theory.processes.model import Model, ModelLike
+
+if TYPE_CHECKING:
+    from gmwm.fitting.likelihood.tracks import Tracks
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedTerm:
+    """Result of the test whether the noise of one term is independent between the signals.
+
+    Attributes
+    ----------
+    term : str
+        Name of the term.
+    statistic : float
+        Decrease of the weighted residual sum of squares if the term may be shared. The weights are those of the model
+        in which it is not shared.
+    df : int
+        Degrees of freedom of the statistic.
+    pvalue : float
+        Probability of a statistic at least this large if the term is not shared.
+    """
+
+    term: str
+    statistic: float
+    df: int
+    pvalue: float
+
+    def summary(self) -> str:
+        """Format the result of the test in one line."""
+        answer = "shared" if self.pvalue <= 0.05 else "not found to be shared"
+        test = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom, p {p_relation(self.pvalue)}"
+        return f"{self.term} is {answer}: {test}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class JointFit(Summarised, Plotted):
+    """Joint fit of several signals: the covariance matrix of each term of the model, and the parameters of its shape.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Names of the d signals.
+    units : mapping of str to str
+        Unit of each signal.
+    model : str
+        The model, such as "common(RW) + GM + WN".
+    terms : tuple of str
+        Names of the terms; these are the keys of the mappings below.
+    rate : float
+        Sampling rate (Hz).
+    samples : int
+        Number of samples of each signal.
+    levels : (J,) int array
+        Levels used.
+    covariances : mapping of term to (d, d) array
+        Covariance matrix Σ_p of each term. The diagonal contains the scale parameter of the term (σ², γ², Q², σ²_GM, …)
+        in each signal, and the other entries contain the covariances between signals.
+    parameters : mapping of str to float
+        Parameters of the shapes, such as "GM.beta".
+    objective : float
+        Weighted squared distance between data and model at the estimate.
+    lower_bound : float or None
+        Proven lower bound on the objective for any parameter values of this model. None if the model has unknown
+        correlation times and `certify` was not used. For a model with `common(…)` terms, the bound is computed for the
+        model with `shared(…)` in their place.
+    relaxed_bound : float or None
+        Lower bound on the objective of a model with any number of terms of each process whose correlation time is
+        searched.
+    measured, implied : (J, d, d) arrays
+        Covariance matrices Γ_j of the wavelet coefficients: the estimates from the data, and the values of the fitted
+        model.
+    settled : JointSolution
+        The weighted least-squares problem and its solution, from which standard errors and tests are computed.
+    """
+
+    axes: tuple[str, ...]
+    units: Mapping[str, str]
+    model: str
+    terms: tuple[str, ...]
+    rate: float
+    samples: int
+    levels: NDArray[np.int64]
+    covariances: Mapping[str, Matrix]
+    parameters: Mapping[str, float]
+    objective: float
+    lower_bound: float | None
+    relaxed_bound: float | None
+    measured: Matrix
+    implied: Matrix
+    settled: JointSolution = field(repr=False)
+
+    @classmethod
+    def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
+        """Create the result from a solved problem (`settled`), the units of its signals, and its two lower bounds."""
+        problem, estimate, measured = settled.problem, settled.estimate, settled.measured
+        labels = [term.label for term in problem.terms]
+        processes = problem.processes(estimate.u)
+        parameters = {
+            f"{label}.{name.name}": float(value)
+            for label, process in zip(labels, processes, strict=True)
+            for name, value in zip(process.nonlinear_parameters(), process.nonlinear, strict=True)
+        }
+        sigmas = settled.sigmas
+        return cls(
+            axes=measured.names, units=dict(units), model=" + ".join(map(str, problem.terms)), terms=tuple(labels),
+            rate=measured.design.rate, samples=measured.design.samples, levels=measured.design.levels,
+            covariances=Named(zip(labels, sigmas, strict=True), "term"), parameters=Named(parameters, "parameter"),
+            objective=estimate.objective, lower_bound=None if bounds is None else bounds[0],
+            relaxed_bound=None if bounds is None else bounds[1], measured=measured.values,
+            implied=np.einsum("pj,pab->jab", problem.shapes(estimate.u), sigmas), settled=settled,
+        )  # fmt: skip
+
+    @property
+    def converged(self) -> bool:
+        """Whether the weights are the inverse of the covariance under the fitted model. If estimate and weights do not
+        agree after twelve iterations, the weights are inverse variances that are estimated from the data."""
+        return self.settled.converged
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """A remark if the weights did not converge."""
+        return () if self.converged else (Remark.of("weights-from-data", ", ".join(self.axes), case="iteration"),)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bound proves that no other parameter values of the model lower the objective by more than 0.2 %.
+
+        False without a bound.
+        """
+        return self.lower_bound is not None and self.lower_bound >= (1 - 2 * LARGEST_GAP) * self.objective
+
+    def _place(self, term: str) -> int:
+        if term not in self.terms:
+            raise OptionError(argument="term", expected=f"one of {', '.join(self.terms)}", got=term)
+        return self.terms.index(term)
+
+    @cached_property
+    def correlation(self) -> Mapping[str, Matrix]:
+        """Correlation matrix (d, d) of each term; NaN for signals in which the term has variance 0."""
+        return Named({term: correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
+
+    @property
+    def loadings(self) -> Mapping[str, NDArray[np.float64]]:
+        """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
+        loadings = {}
+        for term in self.settled.problem.terms:
+            if term.kind == "common":
+                sigma = self.covariances[term.label]
+                at = int(np.argmax(np.diag(sigma)))
+                loadings[term.label] = sigma[at] / np.sqrt(sigma[at, at])
+        return Named(loadings, "common term")
+
+    @cached_property
+    def _errors(self) -> Errors:
+        return errors(self.settled)
+
+    @cached_property
+    def standard_errors(self) -> Mapping[str, Matrix]:
+        """Standard errors (d, d) of the entries of each covariance matrix, by term; 0 for entries that are not
+        estimated."""
+        scale = np.outer(self.settled.unit, self.settled.unit)
+        errors_of = {}
+        for place, term in enumerate(self.terms):
+            variance = np.diag(self._errors.of_matrix(place))
+            errors_of[term] = symmetric(np.sqrt(np.maximum(variance, 0.0)), len(self.axes)) / scale
+        return Named(errors_of, "term")
+
+    @cached_property
+    def parameter_errors(self) -> Mapping[str, float]:
+        """Standard errors of the parameters of the shapes; NaN for a parameter that the data do not determine."""
+        errors_of: dict[str, float] = {}
+        problem = self.settled.problem
+        for at, place in enumerate(problem.search_places):
+            term, branch = problem.terms[place], problem.branches[place]
+            assert branch is not None
+            slope = float(branch.slope(self.settled.estimate.u[at : at + 1])[0, 0])
+            name = term.process.nonlinear_parameters()[0].name
+            errors_of[f"{term.label}.{name}"] = float(np.sqrt(self._errors.of_shape(place)) * abs(slope))
+        return Named(errors_of, "parameter")
+
+    def correlation_interval(self, term: str, confidence: float = 0.95) -> tuple[Matrix, Matrix]:
+        """Return the lower and upper confidence limits (d, d) of the correlations of one term, from Fisher's
+        transformation.
+
+        If the covariance matrix is singular, each correlation has a one-sided limit towards zero with the same
+        confidence level, and the other limit is ±1. The limits of common and of independent terms are NaN.
+
+        Raises
+        ------
+        OptionError
+            If there is no such term, or the confidence level is not allowed.
+        """
+        from scipy.special import ndtri
+
+        place, d = self._place(term), len(self.axes)
+        level = as_confidence(confidence)
+        if self.settled.problem.terms[place].kind != "shared":
+            return np.full((d, d), np.nan), np.full((d, d), np.nan)
+        sigma = self.settled.estimate.sigmas[place]
+        values = np.linalg.eigvalsh(sigma)
+        singular = bool(values[0] <= SINGULAR_SHARE * values.sum())
+        estimate = unconstrained_matrix(self.settled, place) if singular else sigma
+        scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
+        r = correlation_of(estimate)
+        error = correlation_errors(estimate, scatter)
+        z = float(ndtri(level if singular else (1 + level) / 2))
+        if singular:
+            low = np.where(r > 0, np.clip(r - z * error, -1, 1), -1.0)
+            high = np.where(r > 0, 1.0, np.clip(r + z * error, -1, 1))
+        else:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                centre, width = np.arctanh(r), z * error / (1 - r**2)
+                low, high = np.tanh(centre - width), np.tanh(centre + width)
+        for limits in (low, high):
+            np.fill_diagonal(limits, 1.0)
+        return low, high
+
+    def goodness_of_fit(self) -> GoodnessOfFit:
+        """Test whether the model describes the data.
+
+        The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
+        matrices. Its p-value is slightly larger than that of a chi-square variable, because the moments of coarse
+        levels are skewed.
+        """
+        return misfit(self.settled)
+
+    def shared(self, term: str) -> SharedTerm:
+        """Test the null hypothesis that a term is independent between the signals, so that its correlations are zero.
+
+        Raises
+        ------
+        OptionError
+            If there is no such term.
+        """
+        from scipy.special import gammaincc
+
+        place = self._place(term)
+        if term not in self._shared_tests:
+            null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+            statistic, df = sharing(null, place)
+            pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+            self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
+        return self._shared_tests[term]
+
+    @cached_property
+    def _shared_tests(self) -> dict[str, SharedTerm]:
+        """Results of `shared`, which fits the model of the null hypothesis, by term."""
+        return {}
+
+    @property
+    def models(self) -> Mapping[str, Model]:
+        """Noise model of each signal alone. It does not contain the correlations with the other signals."""
+        processes = self.settled.problem.processes(self.settled.estimate.u)
+        models = {}
+        for k, axis in enumerate(self.axes):
+            scales = [float(self.covariances[term][k, k]) for term in self.terms]
+            parts = [
+                process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
+                for process, scale in zip(processes, scales, strict=True)
+            ]
+            models[axis] = sum_model(parts)
+        return Named(models, "axis")
+
+    def state_space(self, rate: float | None = None) -> JointStateSpace:
+        """Return the discrete-time state space of all signals, with independent states.
+
+        The blocks of term p are F_p ⊗ I, Q_p ⊗ I and H_p ⊗ L_p, where F_p, Q_p and H_p belong to its process at unit
+        scale and L_p L_pᵀ = Σ_p.
+
+        Parameters
+        ----------
+        rate : float, optional
+            Sampling rate (Hz); by default the rate of the recording. Use another rate only if no parameter of the model
+            is defined per sample.
+        """
+        processes = self.settled.problem.processes(self.settled.estimate.u)
+        sigmas = np.array(list(self.covariances.values()))
+        return discrete(processes, sigmas, rate or self.rate, axes=self.axes, labels=self.terms)
+
+    def continuous(self) -> JointContinuousStateSpace:
+        """Return the continuous-time state space of all signals."""
+        processes = self.settled.problem.processes(self.settled.estimate.u)
+        sigmas = np.array(list(self.covariances.values()))
+        return continuous(processes, sigmas, self.rate, axes=self.axes, labels=self.terms)
+
+    def smooth(self, x: Imu | Mapping[str, Signal | ArrayLike], rate: float | None = None) -> Mapping[str, Tracks]:
+        """Estimate the latent processes of all signals from a whole recording, with a fixed-interval Kalman smoother.
+
+        Because the signals share noise, the samples of every signal improve the estimates for all signals. The constant
+        level of each signal is treated as unknown.
+
+        Parameters
+        ----------
+        x : Imu, or mapping of name to Signal or (N,) array
+            A recording with the axes of the fit, which were sampled together. Gaps of signals are missing samples; in
+            arrays, NaN marks a missing sample.
+        rate : float, optional
+            Sampling rate (Hz) of plain arrays; the rate of the fit by default.
+
+        Returns
+        -------
+        mapping of axis to Tracks
+            Mean and standard deviation of each latent process of the axis at each sample.
+
+        Raises
+        ------
+        DataError, OptionError
+            If an axis is missing, if the signals are not synchronous, or if the rate differs from the rate of the fit.
+        MissingTheoryError
+            If a term has no state-space form.
+
+        References
+        ----------
+        Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., section 4.4.
+        """
+        from gmwm.applications.several.state_space import smooth_joint
+
+        return smooth_joint(self, x, rate)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the estimates, standard errors, tests and state spaces as plain numbers, lists and strings."""
+        spaces: tuple[dict[str, Any] | None, ...] = (None, None)
+        with suppress(MissingTheoryError):
+            spaces = self.state_space().to_dict(), self.continuous().to_dict()
+        return {
+            **plain_fields(
+                self,
+                "axes units model rate samples levels objective lower_bound proved relaxed_bound converged remarks "
+                "parameters parameter_errors",
+            ),
+            "terms": {
+                term: {
+                    "covariance": plain(self.covariances[term]),
+                    "standard_errors": plain(self.standard_errors[term]),
+                    "correlation": plain(self.correlation[term]),
+                }
+                for term in self.terms
+            },
+            "goodness_of_fit": self.goodness_of_fit().to_dict(),
+            "shared": {term: asdict(self.shared(term)) for term in self._shareable},
+            "state_space": spaces[0],
+            "continuous_state_space": spaces[1],
+        }
+
+    @property
+    def _shareable(self) -> tuple[str, ...]:
+        return tuple(term.label for term in self.settled.problem.terms if term.kind == "shared")
+
+    def summary(self) -> str:
+        """Format the parameters, the correlations of shared terms with their intervals, and the tests."""
+        head = f"Joint fit of {', '.join(self.axes)}: {self.model}"
+        rows = [["term", *self.axes]]
+        for term in self.terms:
+            rows.append([term, *(f"{value:.4g}" for value in np.diag(self.covariances[term]))])
+        lines = [head, f"{self.samples} samples at {self.rate:g} Hz, levels {self.levels[0]} to {self.levels[-1]}", ""]
+        lines += table_with_rule(rows)
+        if self.parameters:
+            lines.append("")
+        for name, value in self.parameters.items():
+            lines.append(f"{name} = {value:.4g} ± {self.parameter_errors.get(name, float('nan')):.2g}")
+        for term in self._shareable:
+            low, high = self.correlation_interval(term)
+            pairs = [["correlation of " + term, "r", "95 %"]]
+            for a, b in zip(*(where.tolist() for where in entries(len(self.axes))), strict=True):
+                if a != b:
+                    limits = f"{low[a, b]:+.2f} … {high[a, b]:+.2f}"
+                    pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
+            lines += ["", *table_with_rule(pairs)]
+        if self.remarks:
+            lines += ["", *texts(self.remarks)]
+        tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
+        tests += [self.shared(term).summary() for term in self._shareable]
+        if self.lower_bound is not None:
+            share = max(1 - self.lower_bound / self.objective, 0.0)
+            tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
+            if not self.proved:
+                tests.append("This bound does not prove that the fit is the optimum.")
+        return "\n".join([*lines, "", *tests])
+
+    def __repr__(self) -> str:
+        return f"JointFit({', '.join(self.axes)}: {self.model})"
+
+
+register(JointFit, "gmwm.applications.several.plots:plot_joint")
 
 
 def fit_joint(

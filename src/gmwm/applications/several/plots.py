@@ -11,40 +11,19 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
 
 if TYPE_CHECKING:
     from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
-    from gmwm.applications.several.joint_result import JointFit
+    from gmwm.applications.several.joint_fit import JointFit
     from gmwm.applications.several.result import CrossCovariance
 
 ZERO = Stroke(GREY, 0.8, SOLID)  # correlation zero
 UNCERTAIN, SIGNIFICANT = Stroke(BLUE, 0.7, SOLID, "circle", filled=False), Stroke(BLUE, 0.0, SOLID, "circle")
 SENSOR, AVERAGE, VIRTUAL = Stroke(PALE, 0.8, SOLID), Stroke(ORANGE, 1.2, DASHED), Stroke(BLUE, 1.4, SOLID)
 MEASURED = Stroke(BLUE, 0.0, SOLID, "circle", filled=False)  # virtual sensor in the recording of its weights
-
-
-def cross_figure(result: CrossCovariance, *, confidence: bool = True) -> Figure:
-    """Return the figure of `CrossCovariance.plot`. The panel of axes a and b is in row b and column a."""
-    x = replace(time_axis(result.tau, "Scale τ (s)"), opposite=())
-    shown = [*result.correlation.values(), *([*result.lower.values(), *result.upper.values()] if confidence else [])]
-    y = signed_axis(np.concatenate(shown), "Correlation", linear=0.03, even=0.03)  # gyroscopes: about 0.01
-    rows = []
-    for k, b in enumerate(result.axes[1:], start=1):
-        row: list[Panel | None] = [
-            _panel(result, a, b, x=x if k == len(result.axes) - 1 else quiet(x), y=y if m == 0 else quiet(y),
-                   confidence=confidence)
-            for m, a in enumerate(result.axes[:k])
-        ]  # fmt: skip
-        rows.append((*row, *[None] * (len(result.axes) - 1 - k)))
-    columns = len(result.axes) - 1
-    return Figure(
-        tuple(rows), width=max(48.0 * columns, 110.0), height=22.0 + (44.0 if columns > 1 else 66.0) * columns,
-        legend_columns=4,
-    )  # fmt: skip
 
 
 def _panel(result: CrossCovariance, a: str, b: str, *, x: Axis, y: Axis, confidence: bool) -> Panel:
@@ -67,49 +46,10 @@ def _pair(one: str, other: str) -> str:
     return f"{axis_title(one)}, {letter.upper() if sensor and sensor == same else axis_title(other)}"
 
 
-def joint_figure(fit: JointFit) -> Figure:
-    """Return the figure of `JointFit.plot`: deviations on the diagonal, and correlations below it."""
-    d = len(fit.axes)
-    tau = np.exp2(fit.levels.astype(np.float64)) / fit.rate
-    x = replace(time_axis(tau, "Scale τ (s)"), opposite=())
-    size = [np.sqrt(np.einsum("jaa->ja", gamma)) for gamma in (fit.measured, fit.implied)]
-    pairs = [
-        gamma / (s[:, :, None] * s[:, None, :]) for gamma, s in zip((fit.measured, fit.implied), size, strict=True)
-    ]
-    below = np.tril_indices(d, -1)
-    y = signed_axis(np.concatenate([r[:, below[0], below[1]].ravel() for r in pairs]), "Correlation", linear=1.0,
-                    even=1.0)  # fmt: skip
-    rows: list[tuple[Panel | None, ...]] = []
-    for k, axis in enumerate(fit.axes):
-        bottom = x if k == d - 1 else quiet(x)
-        row: list[Panel | None] = []
-        for m, other in enumerate(fit.axes[:k]):
-            side = y if m == 0 else quiet(y)
-            zero = Polyline(np.array(bottom.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
-            curves = _curves(tau, *(r[:, k, m] for r in pairs))
-            row.append(Panel(bottom, side, (zero, *curves), title=_pair(other, axis)))
-        heights = [s[:, k] for s in size]
-        side = _deviation_axis(np.concatenate(heights), fit.units.get(axis, ""))
-        panel = Panel(bottom, side, _curves(tau, *heights), title=axis_title(axis))
-        rows.append((*row, panel, *[None] * (d - 1 - k)))
-    return Figure(tuple(rows), width=58.0 * d, height=20.0 + 48.0 * d, legend_columns=2)
-
-
 def _curves(tau: Vector, data: Vector, model: Vector) -> tuple[Mark, ...]:
     return (
         Polyline(tau, model, stroke=IMPLIED, label="Joint model", layer=MIDDLE),
         Polyline(tau, data, stroke=replace(OBSERVED, width=0.0), label="Data", layer=FRONT),
-    )
-
-
-def fusion_figure(virtual: VirtualSensor) -> Figure:
-    """Return the figure of `VirtualSensor.plot`, with a panel for each axis."""
-    panels = [_axis_panel(axis) for axis in virtual.axes.values()]
-    columns = min(len(panels), 3)
-    rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
-    rows[-1] = (*rows[-1], *[None] * (columns - len(rows[-1])))
-    return Figure(
-        tuple(rows), width=110.0 if columns == 1 else 78.0 * columns, height=14.0 + 70.0 * len(rows), legend_columns=2
     )
 
 
@@ -144,16 +84,60 @@ def plot_cross(
     confidence : bool
         Whether to draw the confidence limits.
     """
-    return cross_figure(result, confidence=confidence)
+    x = replace(time_axis(result.tau, "Scale τ (s)"), opposite=())
+    shown = [*result.correlation.values(), *([*result.lower.values(), *result.upper.values()] if confidence else [])]
+    y = signed_axis(np.concatenate(shown), "Correlation", linear=0.03, even=0.03)  # gyroscopes: about 0.01
+    rows = []
+    for k, b in enumerate(result.axes[1:], start=1):
+        row: list[Panel | None] = [
+            _panel(result, a, b, x=x if k == len(result.axes) - 1 else quiet(x), y=y if m == 0 else quiet(y),
+                   confidence=confidence)
+            for m, a in enumerate(result.axes[:k])
+        ]  # fmt: skip
+        rows.append((*row, *[None] * (len(result.axes) - 1 - k)))
+    columns = len(result.axes) - 1
+    return Figure(
+        tuple(rows), width=max(48.0 * columns, 110.0), height=22.0 + (44.0 if columns > 1 else 66.0) * columns,
+        legend_columns=4,
+    )  # fmt: skip
 
 
 @drawing
 def plot_joint(fit: JointFit, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the wavelet deviation of each signal and the correlation of each pair of signals, for data and model."""
-    return joint_figure(fit)
+    d = len(fit.axes)
+    tau = np.exp2(fit.levels.astype(np.float64)) / fit.rate
+    x = replace(time_axis(tau, "Scale τ (s)"), opposite=())
+    size = [np.sqrt(np.einsum("jaa->ja", gamma)) for gamma in (fit.measured, fit.implied)]
+    pairs = [
+        gamma / (s[:, :, None] * s[:, None, :]) for gamma, s in zip((fit.measured, fit.implied), size, strict=True)
+    ]
+    below = np.tril_indices(d, -1)
+    y = signed_axis(np.concatenate([r[:, below[0], below[1]].ravel() for r in pairs]), "Correlation", linear=1.0,
+                    even=1.0)  # fmt: skip
+    rows: list[tuple[Panel | None, ...]] = []
+    for k, axis in enumerate(fit.axes):
+        bottom = x if k == d - 1 else quiet(x)
+        row: list[Panel | None] = []
+        for m, other in enumerate(fit.axes[:k]):
+            side = y if m == 0 else quiet(y)
+            zero = Polyline(np.array(bottom.limits), np.zeros(2), stroke=ZERO, label="", layer=BEHIND)
+            curves = _curves(tau, *(r[:, k, m] for r in pairs))
+            row.append(Panel(bottom, side, (zero, *curves), title=_pair(other, axis)))
+        heights = [s[:, k] for s in size]
+        side = _deviation_axis(np.concatenate(heights), fit.units.get(axis, ""))
+        panel = Panel(bottom, side, _curves(tau, *heights), title=axis_title(axis))
+        rows.append((*row, panel, *[None] * (d - 1 - k)))
+    return Figure(tuple(rows), width=58.0 * d, height=20.0 + 48.0 * d, legend_columns=2)
 
 
 @drawing
 def plot_fusion(virtual: VirtualSensor, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the wavelet deviations of each signal, of their average and of the virtual sensor by scale."""
-    return fusion_figure(virtual)
+    panels = [_axis_panel(axis) for axis in virtual.axes.values()]
+    columns = min(len(panels), 3)
+    rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + columns]) for k in range(0, len(panels), columns)]
+    rows[-1] = (*rows[-1], *[None] * (columns - len(rows[-1])))
+    return Figure(
+        tuple(rows), width=110.0 if columns == 1 else 78.0 * columns, height=14.0 + 70.0 * len(rows), legend_columns=2
+    )

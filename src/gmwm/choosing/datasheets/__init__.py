@@ -13,6 +13,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
+    DEFAULT_HORIZON_S,
     Use,
     changes_by_curve,
     effective_noise,
@@ -142,8 +143,9 @@ def with_limits(sheet: Datasheet, fit: Fit) -> Datasheet:
         for entry in sheet.entries
         if not _repeats(entry, sheet)
     ]
-    ends = (limited(fit, entry, sheet.level) if entry.symbol in FILTER else entry for entry in entries)
-    return replace(sheet, entries=tuple(measurable(entry, fit) for entry in ends))
+    filtered = {entry.symbol: entry for entry in entries if entry.symbol in FILTER}
+    entries = [*limited(fit, filtered, DEFAULT_HORIZON_S, sheet.level).values(), *entries[len(filtered) :]]
+    return replace(sheet, entries=tuple(measurable(entry, fit) for entry in entries))
 
 
 def _repeats(entry: Entry, sheet: Datasheet) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
@@ -11,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.errors import ModelError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
-from gmwm.choosing.datasheets.limits import allan_limit
+from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, allan_limit
 from gmwm.fitting.estimation.intervals import free_shape
 from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE, columns_of, relative_jacobian
 from gmwm.fitting.estimation.result import Fit
@@ -72,6 +74,22 @@ class FitCurve:
         """Return the parameters and covariance without those of oscillations."""
         noises = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
         return replace(self, moving=tuple(self.moving[k] for k in noises), scatter=self.scatter[np.ix_(noises, noises)])
+
+    def ends(self, z: float) -> Iterator[dict[Process, Process]]:
+        """Yield the processes at both ends of the principal axes of the confidence region that are longer than a factor
+        of two, for which a derivative does not describe the effect of a parameter."""
+        free = [k for k, (_, name) in enumerate(self.moving) if name is not None]
+        variances, axes = np.linalg.eigh(self.scatter[np.ix_(free, free)])
+        for variance, axis in zip(variances, axes.T, strict=True):
+            reach = min(z * math.sqrt(max(variance, 0.0)), math.log(WIDEST_INTERVAL))
+            for change in (-reach, reach) if reach > math.log(2.0) else ():
+                changes: dict[Process, dict[str, float]] = {}
+                for k, share in zip(free, axis, strict=True):
+                    process, name = self.moving[k]
+                    assert name is not None
+                    changes.setdefault(process, {})[name] = process.value(name) * math.exp(change * share)
+                with suppress(ModelError):  # outside the range of a parameter
+                    yield {process: process.with_values(**values) for process, values in changes.items()}
 
     def slopes(self, n: int) -> Vector:
         """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""

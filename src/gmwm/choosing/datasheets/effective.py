@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -21,8 +21,9 @@ from gmwm.choosing.datasheets.filter_numbers import (
     FilterNumbers,
     FilterPrediction,
     filter_numbers,
+    samples_in,
 )
-from gmwm.choosing.datasheets.limits import hidden
+from gmwm.choosing.datasheets.limits import hidden, measurable
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
@@ -86,6 +87,10 @@ DEFAULT_HORIZON_S = 1.0
 """Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
 random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
 8 % worse than with the best K (docs/validation/filter.md)."""
+
+TRUE_CLAIM = (0.8, 1.3)
+"""Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
+tests/exporters/test_quality.py."""
 
 WHITE, WALK = 0.5, -0.5
 """Powers of time in the units of N and K."""
@@ -162,8 +167,30 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
             advice="Pass `gmwm.fit(model, data)`, or an axis of a calibration.",
         )  # fmt: skip
     level = as_confidence(level, "level")
-    entries = filter_entries(fit, Use(checked_horizon(horizon)), level)
-    return {symbol: limited(fit, entry, level) for symbol, entry in entries.items()}
+    use = Use(checked_horizon(horizon))
+    return limited(fit, filter_entries(fit, use, level), use.horizon, level)
+
+
+def claim(fit: Fit, white: float, walk: float, time: float) -> float:
+    """Return the error that a filter with N and K states for the mean over the next `time` seconds, over its error."""
+    rate = fit.wavelet_variance.rate
+    samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
+    real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
+    return math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
+
+
+def true_until(fit: Fit, white: float, walk: float) -> float | None:
+    """Return the longest time (s) up to which the error that a filter with N and K states is true (`TRUE_CLAIM`), from
+    1 s; None if it is true up to 1000 s, or up to a tenth of a shorter recording."""
+    stored: dict[tuple[float, float], float | None] = fit.__dict__.setdefault("_true_until", {})
+    if (white, walk) not in stored:
+        wv = fit.wavelet_variance
+        times = [
+            t for t in (1, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
+        ]
+        true = [TRUE_CLAIM[0] <= claim(fit, white, walk, time) <= TRUE_CLAIM[1] for time in times]
+        stored[white, walk] = None if all(true) else float(times[max(true.index(False) - 1, 0)])
+    return stored[white, walk]
 
 
 def changes_by_curve(fit: Fit) -> dict[str, float]:
@@ -184,15 +211,26 @@ def checked_horizon(horizon: float) -> float:
     return float(horizon)
 
 
-def limited(fit: Fit, entry: Entry, level: float) -> Entry:
-    """Return N or K with an upper limit, from a fit of the model with this noise added, if it may be zero."""
+def limited(fit: Fit, entries: Mapping[str, Entry], horizon: float, level: float) -> dict[str, Entry]:
+    """Return N and K with upper limits, from a fit of the model with this noise added, where they may be zero.
+
+    Slow noise below the limit of K adds up to K² T/3 to the Allan variance at the horizon T. A filter counts it in N if
+    its correlation time is a few T, which such a recording does not show, so the interval of N includes it."""
+    numbers = {symbol: _limited(fit, entry, level) for symbol, entry in entries.items()}
+    white, walk = numbers["N"], numbers["K"]
+    if walk.upper_only and walk.high and white.high and not white.held and math.isfinite(walk.high):
+        numbers["N"] = replace(white, high=math.hypot(white.high, walk.high * math.sqrt(horizon / 3)))
+    return numbers
+
+
+def _limited(fit: Fit, entry: Entry, level: float) -> Entry:
     if not entry.upper_only or fit.weighting == GIVEN:
         return entry
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError:
         high = math.inf
-    return replace(entry, value=entry.value or high, low=0.0, high=high)
+    return measurable(replace(entry, value=entry.value or high, low=0.0, high=high), fit)
 
 
 def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
@@ -200,9 +238,10 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
     if a filter without it predicts best."""
     numbers, errors = _numbers(fit, use)
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
+    ends = [] if errors is None else _numbers_at_ends(fit, use, z)
     for symbol, (title, power) in _TITLES.items():
         unit, factor = noise_unit(power, fit.wavelet_variance.unit)
-        value, of_model = (factor * float(getattr(each, symbol)) for each in numbers)
+        value, *others = (factor * float(getattr(each, symbol)) for each in (*numbers, *ends))
         low: float | None = value
         high: float | None = value
         upper_only = value == 0
@@ -210,16 +249,38 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             low = high = None
         elif value > 0:
             reach = errors[symbol]
-            upper_only = z * min(reach.scales, reach.all) >= 1
+            upper_only = z * min(reach.scales, reach.all) >= 1 or min(others[1:], default=value) == 0
             by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
-            low, high = min(value, of_model) / by, max(value, of_model) * by
+            least, most = min(value, others[0]), max(value, others[0])
+            low, high = min(least / by, *others), max(most * by, *others)
             if upper_only:
-                low, high = 0.0, max(value, of_model) * math.sqrt(1 + z * reach.all)
+                low, high = 0.0, max(most * math.sqrt(1 + z * reach.all), *others)
         entries[symbol] = Entry(
             symbol=symbol, title=title, value=value, low=low, high=high, unit=unit, upper_only=upper_only,
             held=errors is not None and errors[symbol].held,
         )  # fmt: skip
     return entries
+
+
+def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
+    """Return the numbers at the ends of the confidence region of a model whose parameters are poorly known. There the
+    best filter can be another one, which tracks noise that the filter of the estimate averages, or the reverse."""
+    stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
+    if (use, z) not in stored:
+        ratio = curve_ratio(fit)
+        stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
+    return stored[use, z]
+
+
+def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
+    """Return the numbers of a fit with the processes of `end` in the place of its own."""
+    wv, moved = fit.wavelet_variance, end or {}
+    processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
+    # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
+    # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
+    # tests/test_effective_noise.py.
+    slowest = wv.samples / 10.0
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest)
 
 
 @dataclass(frozen=True)
@@ -245,20 +306,11 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     stored: dict[Use, tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]]
     stored = fit.__dict__.setdefault("_filter_numbers", {})
     if use not in stored:
-        rate = fit.wavelet_variance.rate
-        processes = [process for process in fit.model.processes if use.contains(process, rate)]
         ratio = curve_ratio(fit)
-        # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
-        # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
-        # tests/test_effective_noise.py.
-        slowest = fit.wavelet_variance.samples / 10.0
-        numbers = filter_numbers(processes, rate, use.horizon, ratio=ratio, slowest=slowest)
-        of_model = numbers if ratio is None else filter_numbers(processes, rate, use.horizon, slowest=slowest)
+        numbers = _at(fit, use, ratio)
+        of_model = numbers if ratio is None else _at(fit, use, None)
         try:
-            moved = [
-                filter_numbers(processes, rate, use.horizon, ratio=each, slowest=slowest)
-                for each in (ratio.moved() if ratio is not None else ())
-            ]
+            moved = [_at(fit, use, each) for each in (ratio.moved() if ratio is not None else ())]
             errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):

@@ -1,30 +1,292 @@
-"""Terms of the fast part of the noise that the spectrum shows: peaks, and a shape at high frequencies."""
+"""Terms of the fast part of the noise that the spectrum shows: peaks, a shape, and their uncertainty."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import GmwmError
-from gmwm.choosing.selection.peaks import narrow_bumps
 from gmwm.choosing.selection.ranking import RankingOptions
-from gmwm.choosing.selection.shape_error import band_errors, process_of, with_shape_error
 from gmwm.choosing.selection.structure import largest_within
 from gmwm.fitting.estimation.model_error import nearly_fitted
 from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.spectrum.resonance import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
-from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, SpectralShape, short_memory
+from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, Alternative, SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.oscillator import OSC
+from gmwm.theory.processes.ordered import find_class
+from gmwm.theory.processes.oscillator import CRITICAL, OSC, SHARPEST
 from gmwm.theory.processes.parameter import Fixed
+from gmwm.theory.processes.power import FN
+from gmwm.theory.processes.sinusoid import SIN
+
+FELT = 0.003
+"""Smallest share of the wavelet variance at some level with which a peak is measured. For comparison, the relative
+standard error at the first levels is 0.2 % for 10^6 samples (tests/selection/test_peaks.py)."""
+UNSEEN_DISTANCE = 1.0
+"""Peaks are left out if together they change the wavelet variance by at most this distance in standard errors, after
+the powers of the other peaks are fitted. No parameter then changes by more than one standard error
+(tests/selection/test_peaks.py)."""
+MOST_OSCILLATORS = 8
+"""Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape."""
+NARROW = 0.002
+"""A bump that is narrower than this, relative to the sampling rate, cannot be a part of an ARMA process. The value is
+half the width of the narrowest peak that these can have; see `gmwm.spectrum.short_memory.POLE`."""
+
+
+class _Peak(NamedTuple):
+    """The process of a peak with its power, and its share of the wavelet variance at each level."""
+
+    process: Process
+    share: Vector
+
+
+def oscillating(bumps: Sequence[Bump]) -> list[Bump]:
+    """Return the bumps that an oscillator can describe."""
+    return [bump for bump in bumps if CRITICAL < bump.quality < SHARPEST]
+
+
+def narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
+    """Return the bumps that are too narrow for an ARMA process."""
+    return [bump for bump in oscillating(spectrum.bumps) if bump.width < NARROW * spectrum.rate]
+
+
+def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump]) -> tuple[Process, ...]:
+    """Return sinusoids for the lines and oscillators for these bumps that change the wavelet variance, the strongest
+    first. A line with a width is an oscillator.
+
+    Their frequency and quality are fixed, and so is the power of most. The power is fitted of the strongest of each
+    kind, and of those that the wavelet variance determines well. A peak near a stronger one of similar frequency
+    changes the curve little: its power is added to the stronger one.
+    """
+    peaks = sorted(_visible(spectrum, wv, bumps), key=lambda peak: -peak.share.max())
+    scatter = np.diag(2 / wv.degrees_of_freedom)
+    for process, share in peaks:
+        if isinstance(process, OSC):  # its mean square over the recording varies
+            damping = math.pi * process.value("frequency") / process.value("quality")
+            scatter += np.outer(share, share) * wv.rate / (damping * float(wv.samples))
+    root = square_root(precision(scatter))
+    terms, absent = list[_Peak](), np.zeros(len(wv))
+    columns = np.zeros((len(wv), 0))
+    for peak in peaks:
+        together = absent + root @ peak.share
+        residual = together - columns @ _coefficients(columns, together)
+        # 5 % of the wavelet variance is 2.5 % of a density such as N.
+        if np.linalg.norm(residual) <= UNSEEN_DISTANCE and peak.share.max() < 0.05:
+            absent = together
+        else:
+            terms.append(peak)
+            columns = np.column_stack([columns, root @ peak.share])
+    powers = 1 + np.maximum(_coefficients(columns, absent), 0)
+    terms = [peak._replace(process=_scaled(peak.process, power)) for peak, power in zip(terms, powers, strict=True)]
+    free = {id(next((peak for peak in terms if isinstance(peak.process, kind)), None)) for kind in (SIN, OSC)}
+    errors = np.sqrt(2 / wv.degrees_of_freedom)
+    # From 20 standard errors on, an error of 5 % of the power from the spectrum is one standard error of the curve.
+    free |= {id(peak) for peak in terms if np.linalg.norm(peak.share / errors) > 20.0}
+    processes = [_with_free_power(peak.process) if id(peak) in free else peak.process for peak in terms]
+    oscillators = [process for process in processes if isinstance(process, OSC)]
+    return (*(process for process in processes if isinstance(process, SIN)), *oscillators[:MOST_OSCILLATORS])
+
+
+def _visible(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump]) -> list[_Peak]:
+    """Return the processes of the lines and bumps that are large enough at some level."""
+    peaks: list[Line | Bump] = [*spectrum.lines, *bumps]
+    below = np.where(wv.variance > 0, wv.variance, np.inf)
+    visible = []
+    for peak in peaks:
+        process = _of_peak(peak)
+        share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / below
+        if share.max() < FELT:
+            continue
+        resonance = resonance_of(spectrum, peak, [other for other in peaks if other is not peak])
+        if resonance is not None and CRITICAL < resonance.quality < SHARPEST:
+            process = OSC(*map(Fixed, resonance))
+            share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / below
+        visible.append(_Peak(process, share))
+    return visible
+
+
+def _of_peak(peak: Line | Bump) -> Process:
+    """Return a sinusoid for a line, and an oscillator for a bump."""
+    if isinstance(peak, Line):
+        return SIN(frequency=Fixed(peak.frequency), power=Fixed(peak.amplitude**2 / 2))
+    # The power is the integral of a Lorentz peak above the surrounding density.
+    power = math.pi / 2 * peak.density * (1 - 1 / peak.height) * peak.width
+    return OSC(frequency=Fixed(peak.frequency), quality=Fixed(peak.quality), sigma2=Fixed(power))
+
+
+def _coefficients(columns: Matrix, curve: Vector) -> Vector:
+    """Return the coefficients of the sum of columns (J, n) that is nearest to a curve (J,)."""
+    return np.asarray(np.linalg.lstsq(columns, curve, rcond=None)[0])
+
+
+def _scaled(process: Process, factor: float) -> Process:
+    return process.with_values(**{process.scale_parameter().name: Fixed(factor * process.scale)})
+
+
+def _with_free_power(process: Process) -> Process:
+    return process.with_values(**{process.scale_parameter().name: None})
+
+
+SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)
+"""Relative difference between the Haar wavelet variances of discrete and of continuous flicker noise, from level 1 on.
+Discrete flicker noise is fractionally integrated white noise of order 1/2 (Kasdin 1995), with the spectral density
+π/sin(πf) per sample instead of 1/f. Continuous flicker noise is averaged over each sampling interval
+(tests/selection/test_shape_error.py)."""
+
+FLICKER_SPREAD = 0.75
+"""Standard deviation of the unknown difference of the sampled noise from continuous flicker noise, relative to
+`SAMPLED`. The difference is 0 for noise that is averaged over each sampling interval, 0.45 for a density of 1/f up to
+half the sampling rate, and 1 for discrete flicker noise."""
+BAND = ("f_b", "f_r", "Q_r")
+"""Symbols of the physical parameters of a shape that do not depend on its scale."""
+SELECTION_FACTOR = 2.0
+"""Factor by which the covariance of a shape is increased, because the order of the shape was selected with the same
+spectrum. With a factor of 1.5, 95 % intervals of N contain the true value in 89 % of recordings with an FIR filter
+(docs/validation/sensors.md)."""
+
+FILTER_TIME_SAMPLES = 3.0
+"""A Gauss-Markov term with a correlation time up to this value (samples) is assumed to describe the low-pass filter of
+the sensor. Because a filter does not have exactly this form, N is then wrong by 0.5 % although the test accepts the
+model (docs/validation/sensors.md)."""
+
+
+def process_of(shape: SpectralShape | Alternative) -> Process:
+    """Return the ARMA process of a shape, with fixed coefficients and a free variance."""
+    p, q = shape.phi.size, shape.theta.size
+    if p + q == 0:
+        return WN()
+    kind = find_class(f"ARMA({p},{q})" if p and q else f"AR({p})" if p else f"MA({q})")
+    assert kind is not None
+    names = [parameter.name for parameter in kind.nonlinear_parameters()]
+    values = np.concatenate([shape.phi, shape.theta]).tolist()
+    return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
+
+
+def acts_as_filter(process: Process, fit: Fit) -> bool:
+    """Return whether a Gauss-Markov process is so fast that it may describe the low-pass filter of the sensor."""
+    time = process.correlation_time(fit.wavelet_variance.rate)
+    return time is not None and 0 < time * fit.wavelet_variance.rate <= FILTER_TIME_SAMPLES
+
+
+def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
+    """Add the uncertainty of a shape to the covariance of a wavelet variance. It consists of the covariance of the
+    coefficients and the differences to other ARMA orders that describe the spectrum equally well. The density at
+    frequency 0 is held constant, because the fit estimates it. `fit` is a fit with the term `process`, from which the
+    share of the shape at each level is taken."""
+    if not shape.covariance.size:
+        return wv
+    nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
+    slopes = type(process).shape_jacobian(nonlinear, wv.levels, wv.rate)[0]
+    slopes /= type(process).shape(nonlinear, wv.levels, wv.rate)[0][:, None]
+    slopes[:, : shape.phi.size] -= 2 / (1 - shape.phi.sum())
+    slopes[:, shape.phi.size :] -= 2 / (1 + shape.theta.sum())
+    relative: Matrix = slopes @ shape.covariance @ slopes.T
+    curve = _unit_curve(shape, wv)
+    for other in shape.alternatives:
+        apart = _unit_curve(other, wv) / curve - 1
+        relative = relative + other.weight * np.outer(apart, apart)
+    # A fast Gauss-Markov term can take the place of the shape, or of a part of it.
+    fast = [
+        fit.decomposition[term]
+        for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+        if type(part) is type(process) or acts_as_filter(part, fit)
+    ]
+    share = np.sum(fast, axis=0) / fit.implied
+    return _with(wv, SELECTION_FACTOR * relative * np.outer(share, share))
+
+
+def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
+    """Add the uncertainty of the frequency and the quality of oscillators to the covariance of a wavelet variance.
+
+    For a Lorentz peak with the damping a = πf₀/Q over a duration T, Whittle's likelihood gives the variances a/T of the
+    angular frequency and 1/aT of ln a. `fit` is a fit with the terms, from which their share at each level is taken.
+    """
+    duration = float(wv.samples) / wv.rate
+    for process in terms:
+        if not isinstance(process, OSC):
+            continue
+        frequency, quality = process.value("frequency"), process.value("quality")
+        shape = OSC.standard((frequency, quality))
+        slopes = OSC.shape_jacobian(np.array([[frequency, quality]]), wv.levels, wv.rate)[0] * [frequency, quality]
+        slopes /= shape.wavelet_variance(wv.levels, wv.rate)[:, None]
+        # ln a = ln f₀ − ln Q + …, and the errors of ω₀ and a are uncorrelated.
+        damping = math.pi * frequency / quality
+        frequency_square, decay_square = damping / duration / (2 * math.pi * frequency) ** 2, 1 / (damping * duration)
+        relative = frequency_square * np.outer(slopes.sum(axis=1), slopes.sum(axis=1))
+        relative = relative + decay_square * np.outer(slopes[:, 1], slopes[:, 1])
+        share = (
+            sum(
+                fit.decomposition[term]
+                for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+                if isinstance(part, OSC) and np.allclose(part.nonlinear, process.nonlinear, rtol=1e-9, atol=0.0)
+            )
+            / fit.implied
+        )
+        wv = _with(wv, SELECTION_FACTOR * relative * np.outer(share, share))
+    return wv
+
+
+def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
+    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with other ARMA orders that fit
+    equally well."""
+    values = np.concatenate([shape.phi, shape.theta])
+    if not values.size:
+        return {}
+    names = [parameter.name for parameter in process_of(shape).nonlinear_parameters()]
+    others = [(other.weight, _band(process_of(other), rate)) for other in shape.alternatives]
+    errors = {}
+    free: dict[str, Any] = {**dict(zip(names, values.tolist(), strict=True)), "sigma2": shape.innovation}
+    for number in type(process_of(shape))(**free).physical(rate):
+        if number.signal_power or number.symbol not in BAND:
+            continue
+        slopes = np.array([number.slopes.get(name, 0.0) for name in names]) / values
+        square = float(slopes @ shape.covariance @ slopes)
+        square += sum(w * math.log(b[number.symbol] / number.value) ** 2 for w, b in others if number.symbol in b)
+        errors[number.symbol] = math.sqrt(max(square, 0.0))
+    return errors
+
+
+def _band(process: Process, rate: float) -> dict[str, float]:
+    scale = process.scale_parameter().name
+    numbers = process.with_values(**{scale: process.value_from(1.0)}).physical(rate)
+    return {number.symbol: number.value for number in numbers if number.symbol in BAND}
+
+
+def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vector:
+    """Return the wavelet variance (J,) of a shape, scaled to the spectral density 1 at frequency 0."""
+    nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
+    curve = type(process_of(shape)).shape(nonlinear, wv.levels, wv.rate)[0]
+    return np.asarray(curve * ((1 - shape.phi.sum()) / (1 + shape.theta.sum())) ** 2)
+
+
+def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
+    """Add the uncertainty of flicker noise near half the sampling rate, which is modelled as an average over each
+    interval. Flicker of the output stage, or aliased noise, has more power there, which a fit would attribute to white
+    noise."""
+    flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
+    if not flicker or find_filter(wv.filter) is not HAAR:
+        return wv
+    places = np.minimum(wv.levels, len(SAMPLED) + 1) - 1
+    apart = FLICKER_SPREAD * np.append(SAMPLED, 0.0)[places]
+    apart *= sum(fit.decomposition[term] for term in flicker) / fit.implied
+    return _with(wv, np.outer(apart, apart))
+
+
+def _with(wv: WaveletVariance, added: Matrix) -> WaveletVariance:
+    return replace(wv, excess=added if wv.excess is None else wv.excess + added)
+
 
 BESIDE = "4*GM + FN + RW + DR"
 """General model that is combined with a shape at high frequencies. The shape includes white and quantization noise."""

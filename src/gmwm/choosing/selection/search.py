@@ -23,11 +23,21 @@ from gmwm.base import _core
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.fast_part import BESIDE, FAST, FastPart, autoregression, fast_parts
-from gmwm.choosing.selection.peaks import narrow_bumps, oscillating, peak_terms
+from gmwm.choosing.selection.fast_part import (
+    BESIDE,
+    FAST,
+    FastPart,
+    acts_as_filter,
+    autoregression,
+    fast_parts,
+    narrow_bumps,
+    oscillating,
+    peak_terms,
+    with_oscillator_error,
+    with_sampling_error,
+)
 from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
 from gmwm.choosing.selection.search_steps import REJECTED, Entry, Exit, SearchStep
-from gmwm.choosing.selection.shape_error import acts_as_filter, with_oscillator_error, with_sampling_error
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted

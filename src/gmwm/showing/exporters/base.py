@@ -8,28 +8,25 @@ and what the numbers leave out.
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.atomic_files import write_text
+from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, OptionError
 from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
-from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use, checked_horizon
 from gmwm.showing.exporters.quality import left_out, limits, not_measured, predictions, remarks_of, rule_of, verdict
-from gmwm.showing.exporters.reduction import NAMES, Rule, SensorNoise, sensor_noise, stated, unknown
-from gmwm.showing.exporters.text import (
-    cautions,
-    is_given,
-    laid_out,
-    paragraphs,
-    recording,
-    written_rate,
-)
+from gmwm.showing.exporters.reduction import NAMES, RULES, Rule, SensorNoise, sensor_noise, stated, unknown
+from gmwm.showing.exporters.text import cautions, is_given, laid_out, paragraphs, recording, written_rate
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -56,33 +53,15 @@ class ExportOptions:
 
 
 class Exporter(ABC):
-    """A file format for another program.
+    """A file format for another program."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the format for `calibration.export(…, format=)`.
-    title : str
-        Program or purpose of the file.
-    extension : str
-        Extension of the file, with the dot.
-    default_axes : "worst", "mean" or "each"
-        Default of the option `axes`.
-    takes : frozenset of str
-        Options that the format uses, out of "axes", "inflation", "horizon", "rate" and "duration".
-    both : bool
-        Whether the format needs both gyroscopes and accelerometers.
-    per_axis : bool
-        Whether the format allows different numbers for the axes of a sensor.
-    """
-
-    name: ClassVar[str]
-    title: ClassVar[str]
-    extension: ClassVar[str]
-    default_axes: ClassVar[Rule] = "worst"
-    takes: ClassVar[frozenset[str]] = frozenset()
-    both: ClassVar[bool] = False
-    per_axis: ClassVar[bool] = False
+    name: ClassVar[str]  # name for `calibration.export(…, format=)`
+    title: ClassVar[str]  # program or purpose of the file
+    extension: ClassVar[str]  # with the dot
+    default_axes: ClassVar[Rule] = "worst"  # default of the option `axes`
+    takes: ClassVar[frozenset[str]] = frozenset()  # options out of "axes", "inflation", "horizon", "rate", "duration"
+    both: ClassVar[bool] = False  # whether the format needs both gyroscopes and accelerometers
+    per_axis: ClassVar[bool] = False  # whether the format allows different numbers for the axes of a sensor
 
     @abstractmethod
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
@@ -172,32 +151,16 @@ class Noise:
 
 
 class TwoNumbers(Exporter):
-    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias.
-
-    Attributes
-    ----------
-    comment : str
-        Characters that start a comment line.
-    first : str
-        Line that the file must start with; an empty string for none.
-    meaning : tuple of str
-        Sentences that state the unit of each key, and whether it is in continuous or discrete time.
-    usage : tuple of str
-        Sentences on how to use the file.
-    flicker : str
-        Name of the program's parameter for flicker noise; an empty string if it has none.
-    biases_of : tuple of "gyro" or "accel"
-        Sensors whose bias at rest is in the file.
-    """
+    """Base class of formats with two noise parameters per sensor: white noise N, and random walk K of the bias."""
 
     takes = frozenset({"axes", "inflation", "horizon", "rate"})
     both = True
-    comment: ClassVar[str] = "#"
-    first: ClassVar[str] = ""
-    meaning: ClassVar[tuple[str, ...]]
-    usage: ClassVar[tuple[str, ...]] = ()
-    flicker: ClassVar[str] = ""
-    biases_of: ClassVar[tuple[Quantity, ...]] = ()
+    comment: ClassVar[str] = "#"  # characters that start a comment line
+    first: ClassVar[str] = ""  # line that the file must start with
+    meaning: ClassVar[tuple[str, ...]]  # sentences on the unit of each key, and on continuous or discrete time
+    usage: ClassVar[tuple[str, ...]] = ()  # sentences on how to use the file
+    flicker: ClassVar[str] = ""  # name of the program's parameter for flicker noise; "" if it has none
+    biases_of: ClassVar[tuple[Quantity, ...]] = ()  # sensors whose bias at rest is in the file
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:
@@ -286,3 +249,109 @@ def topic_of(calibration: Calibration) -> str:
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
 """The sensors in the order in which files list them."""
+
+
+def export(
+    calibration: Calibration, path: str | os.PathLike[str] | None = None, format: str = "kalibr", *,
+    axes: Rule | None = None, inflation: float = 1.0, horizon: float = DEFAULT_HORIZON_S, rate: float | None = None,
+    duration: float | None = None,
+) -> str:  # fmt: skip
+    """Return the noise of a unit in the format of another program; see `Calibration.export`."""
+    exporter = find_exporter(format)
+    given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
+    options = _options(exporter, given)
+    for name, value in given.items():
+        if name not in exporter.takes and value != _DEFAULTS[name]:
+            used = ", ".join(sorted(exporter.takes)) or "none of these options"
+            raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
+    if path is not None:
+        require_extension(format, path)
+    text = exporter.export(calibration, options)
+    if path is not None:
+        write_text(path, text)
+    return text
+
+
+def export_all(
+    calibration: Calibration, folder: str | os.PathLike[str], *, axes: Rule | None = None, inflation: float = 1.0,
+    horizon: float = DEFAULT_HORIZON_S, rate: float | None = None, duration: float | None = None,
+) -> tuple[dict[str, Path], dict[str, str]]:  # fmt: skip
+    """Export a calibration in every format. Each format uses the options that apply to it.
+
+    Parameters
+    ----------
+    calibration, axes, inflation, horizon, rate, duration
+        As for `export`. With `axes="each"`, formats with one number per sensor use their default rule.
+    folder : path
+        An existing folder. Each file is named after its format.
+
+    Returns
+    -------
+    mapping of format to Path, mapping of format to str
+        The written files, and the reason for each format that was not written.
+    """
+    written: dict[str, Path] = {}
+    reasons: dict[str, str] = {}
+    for exporter in registered():
+        given: dict[str, Any] = {
+            "axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration,
+        }  # fmt: skip
+        given = {name: value if name in exporter.takes else _DEFAULTS[name] for name, value in given.items()}
+        if axes == "each" and not exporter.per_axis:
+            given["axes"] = None
+        options = _options(exporter, given)
+        try:
+            text = exporter.export(calibration, options)
+        except (DataError, MissingTheoryError) as error:
+            reasons[exporter.name] = error.reason
+            continue
+        target = Path(folder) / f"{exporter.name}{exporter.extension}"
+        write_text(target, text)
+        written[exporter.name] = target
+    return written, reasons
+
+
+def require_extension(format: str, path: str | os.PathLike[str], argument: str = "path") -> None:
+    """Raise an OptionError if the extension of a file does not belong to the format."""
+    wanted, found = find_exporter(format).extension, Path(path).suffix.lower()
+    if found and found != wanted and {found, wanted} != {".yml", ".yaml"}:
+        raise OptionError(
+            f"{Path(path).name} does not have the extension of the format {format}, {wanted}", argument=argument,
+            got=str(path),
+            advice=f"Name the file {Path(path).with_suffix(wanted).name}, or choose another {{--format}}.",
+        )  # fmt: skip
+
+
+def export_formats() -> dict[str, str]:
+    """Return the formats that `export` can write, as a mapping from the name of the format to the program.
+
+    >>> export_formats()["kalibr"]
+    'Kalibr (imu.yaml)'
+    """
+    return {exporter.name: exporter.title for exporter in registered()}
+
+
+_DEFAULTS: Mapping[str, Any] = {
+    "axes": None,
+    "inflation": 1.0,
+    "horizon": DEFAULT_HORIZON_S,
+    "rate": None,
+    "duration": None,
+}
+
+
+def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
+    axes, inflation, rate, duration = (given[name] for name in ("axes", "inflation", "rate", "duration"))
+    if axes is not None and axes not in RULES:
+        raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
+    return ExportOptions(
+        axes=exporter.default_axes if axes is None else axes, inflation=_positive("inflation", inflation),
+        horizon=checked_horizon(given["horizon"]), rate=None if rate is None else _positive("rate", rate),
+        duration=None if duration is None else _positive("duration", duration),
+    )  # fmt: skip
+
+
+def _positive(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise OptionError(argument=name, expected="a positive number", got=value)
+    return float(value)

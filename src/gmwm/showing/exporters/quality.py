@@ -11,7 +11,7 @@ from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.template import fact_text
 from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT, noise_unit
-from gmwm.choosing.datasheets.effective import curve_ratio
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_until
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
@@ -172,9 +172,6 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
 
 TIMES = (1.0, 10.0, 60.0)
 """Times (s) over which the predictions of the filters are compared."""
-TRUE = (0.8, 1.3)
-"""Ratios of the stated to the real error between which a file says nothing more. A convention, pinned by
-tests/exporters/test_quality.py."""
 LARGE_LOSS = 1.2
 """Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
 tests/exporters/test_quality.py."""
@@ -205,35 +202,40 @@ def _quality(axis: AxisNoise, time: float) -> Quality:
     samples, gain = samples_in(time, rate), FilterGain(axis.K.value / (axis.N.value * rate))
     # The filter of the full model has no sinusoids either.
     error = FilterPrediction.of(processes, rate, samples, lines=False).error(gain)[0]
-    ratio = curve_ratio(axis.fit)
-    real = FilterPrediction.of(processes, rate, samples, ratio).error(gain)[0]
     least = smallest_error(processes, rate, samples)
-    stated = axis.N.value**2 * rate * gain.claim(samples)[0]
-    return Quality(None if least is None else math.sqrt(max(error / least, 1.0)), math.sqrt(stated / real))
+    loss = None if least is None else math.sqrt(max(error / least, 1.0))
+    return Quality(loss, claim(axis.fit, axis.N.value, axis.K.value, time))
 
 
 def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
     """Return a sentence for each sensor on the loss of N and K against the full model, and on their stated error, each
     for the axis where it is worst."""
-    lines, times, large = [], "/".join(f"{time:g}" for time in TIMES), False
+    lines, holds, times, large = [], [], "/".join(f"{time:g}" for time in TIMES), False
     for sensor in sensors:
         axes = [axis for axis in sensor.axes if axis.N.value > 0]
         if not axes:
             continue
         by_time = list(zip(*(qualities(axis) for axis in axes), strict=True))
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
-        claims = [max((each.claim for each in at), key=lambda claim: abs(math.log(claim))) for at in by_time]
+        claims = [max((each.claim for each in at), key=lambda ratio: abs(math.log(ratio))) for at in by_time]
         text = f"{NAMES[sensor.quantity].capitalize()}, {times} s: "
         if not any(map(math.isnan, losses)):
             text += f"error / full model's error {_listed(losses)}; "
+        until = min((t for axis in axes if (t := true_until(axis.fit, axis.N.value, axis.K.value))), default=math.inf)
         lines.append(f"{text}stated / real error {_listed(claims)}.")
-        true = [time for time, claim in zip(TIMES, claims, strict=True) if TRUE[0] <= claim <= TRUE[1]]
-        if true and true[-1] < TIMES[-1]:
+        if until < TIMES[-1]:
             lines.append(
-                f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {true[-1]:g} s; beyond, set the "
+                f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {until:g} s; beyond, set the "
                 f"horizon{_bias_instead(axes)}."
             )
+        elif until < math.inf:
+            holds.append(f"{until:g} s ({NAMES[sensor.quantity]})")
         large = large or losses[-1] > LARGE_LOSS
+    if holds:
+        least, most = TRUE_CLAIM
+        lines.append(
+            f"N and K hold up to {', '.join(holds)}: until then, stated / real error is {least:g} to {most:g}."
+        )
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 

@@ -172,8 +172,8 @@ def axis_noise(axis: str, calibrated: AxisCalibration, quantity: Quantity, use: 
         # The entries are stored, because many files are written from one calibration, and a limit needs another fit.
         stored: dict[tuple[Use, float], tuple[Entry, Entry]] = fit.__dict__.setdefault("_limited_numbers", {})
         if (use, level) not in stored:
-            entries = filter_entries(fit, use, level)
-            stored[use, level] = limited(fit, entries["N"], level), limited(fit, entries["K"], level)
+            numbers = limited(fit, filter_entries(fit, use, level), use.horizon, level)
+            stored[use, level] = numbers["N"], numbers["K"]
         white, walk = (
             as_limit(entry) if entry.symbol in sheet and sheet[entry.symbol].upper_only else entry
             for entry in stored[use, level]

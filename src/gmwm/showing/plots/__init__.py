@@ -1,8 +1,8 @@
 """Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
 
-Each plot has two functions. The first returns a description of the plot without Matplotlib, as a `Panel` or `Figure`
-of `gmwm.showing.plots.figure` (for example `fit_panel` or `imu_figure`). The second (`plot_…`) draws this description
-with Matplotlib, which is imported when the first plot is drawn.
+A plot is a function that returns a description without Matplotlib, as a `Figure` of `gmwm.showing.plots.figure`. Its
+decorator `drawing` draws the description with Matplotlib, which is imported when the first plot is drawn;
+`description(plot)` returns the function itself. Parts of a plot, such as `fit_panel`, return a `Panel`.
 
 The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
 and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.
@@ -16,16 +16,14 @@ from gmwm.base.plotting import plot, register
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
-    from gmwm.showing.plots.curves import plot_wavelet_variance
+    from gmwm.showing.plots.curves import compare, plot_comparison, plot_wavelet_variance
     from gmwm.showing.plots.fit import plot_fit
     from gmwm.showing.plots.imu import plot_imu
-    from gmwm.showing.plots.overlay import compare, plot_comparison
+    from gmwm.showing.plots.likelihood import plot_autocorrelation, plot_residuals, plot_tracks
     from gmwm.showing.plots.plan import plot_plan
     from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
-    from gmwm.showing.plots.residuals import plot_autocorrelation, plot_residuals
     from gmwm.showing.plots.series import plot_coefficients, plot_components, plot_recording, plot_signal
     from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
-    from gmwm.showing.plots.tracks import plot_tracks
 
 __all__ = [
     "Plotted", "compare", "plot", "plot_allan", "plot_allan_axes", "plot_autocorrelation", "plot_avlr",
@@ -37,13 +35,14 @@ __all__ = [
 _RESULTS = {
     "base.differences.DifferenceTests": "differences.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
-    "choosing.replicates.result.Replicates": "overlay.plot_recordings",
+    "choosing.replicates.result.Replicates": "curves.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
     "choosing.selection.ranking.Ranking": "ranking.plot_ranking",
-    "fitting.estimation.conditions_fit.ConditionsFit": "overlay.plot_conditions",
+    "fitting.estimation.conditions_fit.ConditionsFit": "curves.plot_conditions",
     "fitting.estimation.result.Fit": "fit.plot_fit", "fitting.inference.planning.Plan": "plan.plot_plan",
-    "fitting.likelihood.innovations.Residuals": "residuals.plot_residuals",
-    "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit", "fitting.likelihood.tracks.Tracks": "tracks.plot_tracks",
+    "fitting.likelihood.innovations.Residuals": "likelihood.plot_residuals",
+    "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit",
+    "fitting.likelihood.tracks.Tracks": "likelihood.plot_tracks",
     "measuring.regression.result.Regression": "regression.plot_regression",
     "measuring.spectrum.result.PowerSpectra": "spectrum.plot_spectra",
     "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
@@ -56,8 +55,8 @@ _RESULTS = {
     "theory.simulation.components.SimulatedSignal": "series.plot_components",
 }  # fmt: skip
 """Functions of this package by the result that they draw."""
-_OTHERS = ("allan.plot_allan_axes", "residuals.plot_autocorrelation", "series.plot_coefficients",
-           "overlay.compare", "overlay.plot_comparison")  # fmt: skip
+_OTHERS = ("allan.plot_allan_axes", "likelihood.plot_autocorrelation", "series.plot_coefficients",
+           "curves.compare", "curves.plot_comparison")  # fmt: skip
 """Functions that draw several results, or with other arguments than `result.plot()`."""
 _MODULES = {name: module for module, _, name in (place.partition(".") for place in (*_RESULTS.values(), *_OTHERS))}
 

@@ -16,7 +16,6 @@ from gmwm.measuring.variance.allan_regression import AllanRegression, Term, coef
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import number_text, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
-from gmwm.showing.plots.drawing import drawing
 from gmwm.showing.plots.figure import (
     Axis,
     Band,
@@ -28,12 +27,12 @@ from gmwm.showing.plots.figure import (
     Symbol,
     Text,
     drawable,
+    drawing,
     single_panel,
 )
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
+from gmwm.showing.plots.labels import UnitSystem, View, axis_title, sensor_and_letter, sensor_title, view_of
 from gmwm.showing.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
-from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -210,33 +209,6 @@ def _axis_with(panel: Panel, heights: Sequence[Vector]) -> Axis:
     return value_axis((min(low, *(0.8 * h for h in points)), max(high, *(1.25 * h for h in points))), panel.y.label)
 
 
-def allan_figure(
-    curves: Mapping[str, ClusterVariance] | Mapping[str, AllanRegression], *, units: UnitSystem = "auto",
-    guides: bool = True,
-) -> Figure:  # fmt: skip
-    """Return the figure that `plot_allan_axes` draws, with a panel for each sensor that shows all of its axes."""
-    named = dict(curves) if isinstance(curves, Mapping) else {}
-    variances = {name: curve for name, curve in named.items() if isinstance(curve, ClusterVariance)}
-    regressions = {name: curve for name, curve in named.items() if isinstance(curve, AllanRegression)}
-    if not named or len(named) not in (len(variances), len(regressions)):
-        raise OptionError(
-            argument="curves",
-            expected="a mapping of names to ClusterVariance such as {'gyro_x': allan_x, 'gyro_y': allan_y}",
-            got=curves,
-        )
-    if regressions:
-        return grid_figure({name: avlr_panel(r, units=units, alone=False) for name, r in regressions.items()})
-    sensors: dict[str, dict[str, ClusterVariance]] = {}
-    for name, variance in variances.items():
-        sensor, letter = sensor_and_letter(name)
-        sensors.setdefault(sensor, {})[letter.upper() if sensor else name] = variance
-    panels = tuple(
-        allan_panel(group, units=units, guides=guides, title=sensor_title(sensor) if sensor else "")
-        for sensor, group in sensors.items()
-    )
-    return Figure((panels,), width=105.0 * len(panels), height=92.0, legend_columns=4)
-
-
 @drawing
 def plot_allan(
     result: ClusterVariance, *, units: UnitSystem = "auto", guides: bool = True, ax: Axes | None = None,
@@ -294,4 +266,23 @@ def plot_allan_axes(
     OptionError
         If an option is unknown, or the curves of a panel differ in quantity or unit.
     """
-    return allan_figure(curves, units=units, guides=guides)
+    named = dict(curves) if isinstance(curves, Mapping) else {}
+    variances = {name: curve for name, curve in named.items() if isinstance(curve, ClusterVariance)}
+    regressions = {name: curve for name, curve in named.items() if isinstance(curve, AllanRegression)}
+    if not named or len(named) not in (len(variances), len(regressions)):
+        raise OptionError(
+            argument="curves",
+            expected="a mapping of names to ClusterVariance such as {'gyro_x': allan_x, 'gyro_y': allan_y}",
+            got=curves,
+        )
+    if regressions:
+        return grid_figure({name: avlr_panel(r, units=units, alone=False) for name, r in regressions.items()})
+    sensors: dict[str, dict[str, ClusterVariance]] = {}
+    for name, variance in variances.items():
+        sensor, letter = sensor_and_letter(name)
+        sensors.setdefault(sensor, {})[letter.upper() if sensor else name] = variance
+    panels = tuple(
+        allan_panel(group, units=units, guides=guides, title=sensor_title(sensor) if sensor else "")
+        for sensor, group in sensors.items()
+    )
+    return Figure((panels,), width=105.0 * len(panels), height=92.0, legend_columns=4)

@@ -1,28 +1,46 @@
-"""Plot of a wavelet variance, and its elements that other plots share: curve, confidence band, and axes that fit."""
+"""Plots of one or several wavelet variances, and their parts that other plots share."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Foot, Mark, Panel, Polyline, Stroke, Text, drawable
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST
-from gmwm.showing.plots.view import UnitSystem, View, ViewName, view_of
+from gmwm.measuring.covariance import Design
+from gmwm.measuring.covariance.api import variances
+from gmwm.showing.plots.axes import limits_near, signed_axis, time_axis, value_axis
+from gmwm.showing.plots.figure import (
+    Band,
+    Figure,
+    Foot,
+    Mark,
+    Panel,
+    Polyline,
+    Stroke,
+    Text,
+    description,
+    drawable,
+    drawing,
+    single_panel,
+)
+from gmwm.showing.plots.labels import UnitSystem, View, ViewName, axis_title, view_of
+from gmwm.showing.plots.style import GREY, OBSERVED, ROBUST, SOLID, curve_stroke
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from gmwm.choosing.replicates import Replicates
+    from gmwm.fitting.estimation.conditions_fit import ConditionsFit
+    from gmwm.fitting.estimation.result import Fit
+    from gmwm.fitting.likelihood.result import LikelihoodFit
     from gmwm.measuring.variance.result import WaveletVariance
+
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
 """Layers from back to front: guides, confidence bands, model, terms of the model, data. Terms are thin lines, so that
@@ -155,10 +173,258 @@ def plot_wavelet_variance(
     >>> figure.axes[0].get_ylabel()
     'Allan deviation (deg/h)'
     """
-    from gmwm.showing.plots.shared_axes import named_panel
+    from gmwm.showing.plots.fit import named_panel
 
     if label is None and color is None:
         panel = wavelet_variance_panel(wv, view=view, units=units)
     else:
         panel = named_panel(wv, label=label, color=color, view=view, units=units, ax=ax)
     return Figure(((panel,),), height=88.0)
+
+
+class AtCondition(NamedTuple):
+    """Measured wavelet variance at one condition, and the wavelet variance that the model implies there."""
+
+    wavelet_variance: WaveletVariance
+    implied: Vector
+
+
+Item: TypeAlias = "WaveletVariance | Fit | LikelihoodFit | AtCondition"
+"""Something to draw as a curve: a wavelet variance, or a fit, which contains a wavelet variance."""
+
+
+def wavelet_variance_of(item: Item) -> WaveletVariance:
+    """Return the wavelet variance of an item. Anything else than a wavelet variance or a fit is an OptionError."""
+    wv: Any = getattr(item, "wavelet_variance", item)
+    if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
+        raise OptionError(argument="items", expected="of type WaveletVariance or Fit", got=item)
+    return cast("WaveletVariance", wv)
+
+
+def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
+    """Check a mapping from names to wavelet variances and fits, and return it as a dict."""
+    if not isinstance(items, Mapping) or not items:
+        raise OptionError(
+            argument="items",
+            expected="a mapping of names to WaveletVariance or Fit such as {'gyro_x': wv_x, 'gyro_y': wv_y}",
+            got=items,
+        )
+    for item in items.values():
+        wavelet_variance_of(item)
+    return dict(items)
+
+
+def overlay_panel(
+    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto",
+    strokes: Sequence[Stroke] | None = None, title: str = "",
+) -> Panel:  # fmt: skip
+    """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
+    the data and a line for the model."""
+    items = {name: getattr(item, "without_lags", item) for name, item in items.items()}
+    results = [wavelet_variance_of(item) for item in items.values()]
+    views = [view_for(wv, view, units) for wv in results]
+    if len({shown.unit for shown in views}) > 1:
+        pairs = zip(items, views, strict=True)
+        descriptions = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
+        raise OptionError(
+            f"curves in one panel need the same unit, but they are {descriptions}", argument="items",
+            got=tuple(shown.unit for shown in views), advice="Plot each sensor in its own figure.",
+        )  # fmt: skip
+    strokes = strokes or [curve_stroke(k) for k in range(len(results))]
+    marks: list[Mark] = []
+    around = []
+    for name, item, shown, stroke in zip(items, items.values(), views, strokes, strict=True):
+        marks += _curve(name, item, shown, stroke)
+        around.append(shown.height(np.asarray(getattr(item, "implied", np.empty(0)))))
+    marks = curves_then_bands(marks, len(results))
+    return closed_panel(views, results, marks, around=around, strokes=strokes, names=list(items), title=title)
+
+
+def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
+    implied = getattr(item, "implied", None)
+    wv = wavelet_variance_of(item)
+    if implied is None:
+        marks = observed_marks(wv, view, stroke=stroke, label=name)
+        return [_faint(mark) for mark in marks]
+    used = getattr(item, "used", None)
+    dots = observed_marks(wv, view, stroke=replace(stroke, width=0.0), label=name, used=used)
+    curve = drawable(view.height(np.asarray(implied)))
+    model = Polyline(
+        view.time(wv.tau), curve, stroke=replace(stroke, symbol=None), label=f"{name}, model", layer=MIDDLE
+    )
+    return [*(_faint(mark) for mark in dots), model]
+
+
+def _faint(mark: Mark) -> Mark:
+    """Return the mark with lower opacity if it is a band, because several bands overlap."""
+    return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
+
+
+@drawing
+def plot_comparison(
+    items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto", title: str = "",
+    ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
+    """Draw several wavelet variances in one panel, for example classical and robust, or two recordings.
+
+    Parameters
+    ----------
+    items : mapping of name to WaveletVariance or Fit
+        The curves, with their names for the legend. A fit is drawn with symbols for the data and a line for the model.
+    title : str
+        Title of the panel.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the curves differ in unit.
+    """
+    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
+    return single_panel(panel, legend_rows=2)
+
+
+@drawing
+def plot_conditions(
+    fit: ConditionsFit, *, view: ViewName = "auto", units: UnitSystem = "auto",
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
+    """Draw the curves of all conditions with their models; of more than five, four from the lowest to the highest."""
+    conditions = sorted(fit.curves)
+    if len(conditions) > 5:
+        conditions = [conditions[round(k * (len(conditions) - 1) / 3)] for k in range(4)]
+    items: dict[str, Item] = {}
+    for c in conditions:
+        wv = fit.curves[c]
+        implied = fit.models[c].wavelet_variance(wv.levels, wv.rate, wv.filter)
+        items[f"{fit.condition} {c:.4g}"] = AtCondition(wv, implied)
+    return description(plot_comparison)(items, view=view, units=units)
+
+
+@drawing
+def compare(
+    *items: Item, labels: Sequence[str] | None = None, view: ViewName = "auto", units: UnitSystem = "auto",
+    title: str = "", ax: Axes | None = None, path: str | os.PathLike[str] | None = None,
+) -> Figure:  # fmt: skip
+    """Draw several wavelet variances in one panel, for example classical and robust, or several axes or recordings.
+
+    Parameters
+    ----------
+    items : WaveletVariance or Fit
+        One or more curves. A fit is drawn with symbols for the data and a line for the model.
+    labels : sequence of str, optional
+        Names for the legend. By default, they state the properties in which the curves differ: axis, classical or
+        robust estimate, filter, length and rate, or fitted model.
+    title : str
+        Title of the panel.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, a label is missing or repeated, or the curves differ in unit.
+
+    References
+    ----------
+    The comparison of classical and robust wavelet variances follows Balamuta, Guerrier, Molinari and Yang.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import Signal, wavelet_variance
+    >>> signal = Signal(np.random.default_rng(1).normal(size=4096), 100.0, "rad/s", "gyro_x")
+    >>> figure = compare(wavelet_variance(signal), wavelet_variance(signal, robust=True))
+    >>> figure.axes[0].get_ylabel()
+    'Allan deviation (deg/h)'
+    """
+    if not items:
+        raise OptionError(argument="items", expected="one or more of WaveletVariance and Fit", got=items)
+    for item in items:
+        if not hasattr(wavelet_variance_of(item), "robust"):
+            raise OptionError(
+                argument="items", expected="of type WaveletVariance or Fit", got=item,
+                advice="Draw Allan variances with `gmwm.plots.plot_allan_axes`.",
+            )  # fmt: skip
+    names = automatic_labels(items) if labels is None else [str(name) for name in labels]
+    if len(names) != len(items):
+        raise OptionError(
+            argument="labels", expected=f"a sequence of {len(items)} names, one for each curve", got=names
+        )
+    if len(set(names)) != len(names):
+        raise OptionError(argument="labels", expected="a sequence of different names", got=names)
+    return description(plot_comparison)(dict(zip(names, items, strict=True)), view=view, units=units, title=title)
+
+
+def automatic_labels(items: Sequence[Item]) -> list[str]:
+    """Return a name for each item that states how it differs from the others, such as by its axis or its model.
+
+    Items that do not differ are numbered.
+
+    >>> from gmwm import WaveletVariance
+    >>> classical = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
+    >>> robust = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
+    >>> automatic_labels([classical, robust]), automatic_labels([classical, classical])
+    (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
+    """
+    results = [wavelet_variance_of(item) for item in items]
+    aspects = [
+        [axis_title(wv.axis) for wv in results], _estimators(results),
+        [f"{wv.filter} {wv.transform.upper()}" for wv in results], [wv.extent for wv in results],
+        [_model(item) for item in items],
+    ]  # fmt: skip
+    telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
+    names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]
+    for name in {name for name in names if names.count(name) > 1}:
+        same = [k for k, other in enumerate(names) if other == name]
+        for number, k in enumerate(same, 1):
+            names[k] = f"{name} ({number})"
+    return names
+
+
+def _model(item: Item) -> str:
+    """Return the structure of a fitted model, for example "2*GM + WN"; "" for a measured curve."""
+    model = getattr(item, "model", None)
+    return "" if model is None else str(model.structure)
+
+
+def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
+    """Return "classical" or "robust" for each result, with the efficiency if it differs between robust results."""
+    several = len({wv.efficiency for wv in results if wv.robust}) > 1
+    return [
+        (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"
+        for wv in results
+    ]
+
+
+MEAN = Stroke(GREY, 0.8, SOLID)
+"""Stroke of the line at zero, which is the mean of the recordings."""
+LINEAR, EVEN = 10.0, 100.0
+"""Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
+linear."""
+
+
+@drawing
+def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
+    """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
+
+    A band shows the range of differences that chance explains.
+    """
+    wv, fit = replicates.fit.wavelet_variance, replicates.fit
+    curves = wv.recordings
+    ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)
+              for name, curve in curves.items()}  # fmt: skip
+    typical = sorted(curves.values(), key=lambda curve: curve.samples)[len(curves) // 2]
+    typical_levels = min(len(typical), len(wv))
+    design = Design.of(typical).only(typical.levels <= typical_levels)
+    # A recording contributes to the mean, so it differs less from the mean than from another recording.
+    part = np.sqrt(max(1 - typical.samples / wv.samples, 0.0))
+    scatter = 50 * 1.96 * part * np.sqrt(variances(fit.model, design)) / fit.implied[:typical_levels]
+    x = replace(time_axis(wv.tau, "Scale τ (s)"), opposite=())
+    shown = [values[wv.degrees_of_freedom[: values.size] > len(curves)] for values in ratios.values()]
+    y = signed_axis(np.concatenate(shown), "Difference from all recordings (%)", linear=LINEAR, even=EVEN)
+    marks: list[Mark] = [
+        Polyline(np.array(x.limits), np.zeros(2), stroke=MEAN, label="", layer=BEHIND),
+        Band(wv.tau[:typical_levels], -scatter, scatter, colour=GREY, opacity=0.25, layer=BAND,
+             label="95 % of equal recordings"),
+    ]  # fmt: skip
+    for k, (name, values) in enumerate(ratios.items()):
+        marks.append(Polyline(wv.tau[: values.size], values, stroke=curve_stroke(k), label=name, layer=FRONT))
+    return Figure(((Panel(x, y, tuple(marks), title=axis_title(wv.axis)),),), width=150.0, height=95.0)

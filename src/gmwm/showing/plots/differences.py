@@ -11,8 +11,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.showing.plots.axes import limits_of, value_axis
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Tick
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Tick, drawing
 from gmwm.showing.plots.style import BLACK, GREY, VERMILLION
 
 _STROKES = {
@@ -21,8 +20,27 @@ _STROKES = {
 }
 
 
-def differences_figure(result: DifferenceTests, *, limit: int = 40) -> Figure:
-    """Return the figure that `plot_differences` draws."""
+def _ends(test: Difference) -> Vector:
+    """Return the confidence limits and the ratio; NaN for a limit that is not known."""
+    return np.array([test.lower or math.nan, test.upper or math.nan, test.ratio], dtype=np.float64)
+
+
+@drawing
+def plot_differences(
+    result: DifferenceTests, *, limit: int = 40, path: str | os.PathLike[str] | None = None
+) -> Figure:  # fmt: skip
+    """Draw the ratio of each part to the others with its confidence interval, and mark those that differ.
+
+    Parameters
+    ----------
+    limit : int
+        Largest number of tests to draw, those with the smallest p-values.
+
+    Raises
+    ------
+    DataError
+        If no ratio is known.
+    """
     drawn = [test for test in result.tests if test.ratio > 0 and math.isfinite(test.ratio)]
     if not drawn:
         raise DataError("there is nothing to draw: no ratio is known")
@@ -51,27 +69,3 @@ def differences_figure(result: DifferenceTests, *, limit: int = 40) -> Figure:
             marks.append(Polyline(ratios, at, stroke=Stroke(
                 stroke.colour, 0.0, symbol=stroke.symbol, filled=stroke.filled), label=label, layer=2))  # fmt: skip
     return Figure(((Panel(x, y, tuple(marks), title),),), width=PAGE, height=40.0 + 4.5 * len(shown), legend_columns=3)
-
-
-def _ends(test: Difference) -> Vector:
-    """Return the confidence limits and the ratio; NaN for a limit that is not known."""
-    return np.array([test.lower or math.nan, test.upper or math.nan, test.ratio], dtype=np.float64)
-
-
-@drawing
-def plot_differences(
-    result: DifferenceTests, *, limit: int = 40, path: str | os.PathLike[str] | None = None
-) -> Figure:  # fmt: skip
-    """Draw the ratio of each part to the others with its confidence interval, and mark those that differ.
-
-    Parameters
-    ----------
-    limit : int
-        Largest number of tests to draw, those with the smallest p-values.
-
-    Raises
-    ------
-    DataError
-        If no ratio is known.
-    """
-    return differences_figure(result, limit=limit)

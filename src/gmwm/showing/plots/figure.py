@@ -6,12 +6,21 @@ further decisions about its content. All positions are in the units of the axis 
 
 from __future__ import annotations
 
+import inspect
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeAlias
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.extras import library
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
 
 Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "plus", "star"]
 """The symbols that each renderer must support."""
@@ -36,28 +45,15 @@ class Stroke:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn.
+    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn."""
 
-    Parameters
-    ----------
-    x, y : (n,) arrays
-        Positions in the units of the axes.
-    stroke : Stroke
-        Style of the line.
-    label : str
-        Legend entry; "" for none.
-    layer : int
-        Marks with a higher layer are drawn in front of others.
-    swatch : str
-        Colour in the legend of Matplotlib, if the entry stands for curves of several colours.
-    """
-
+    # (n,) positions in the units of the axes
     x: Vector
     y: Vector
     stroke: Stroke
-    label: str = ""
-    layer: int = 0
-    swatch: str = ""
+    label: str = ""  # legend entry; "" for none
+    layer: int = 0  # marks with a higher layer are drawn in front of others
+    swatch: str = ""  # colour in the legend of Matplotlib, if the entry stands for curves of several colours
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,3 +195,64 @@ def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Fi
 def drawable(values: Vector) -> Vector:
     """Return `values` with NaN for each value that a logarithmic axis cannot show (zero, negative or not finite)."""
     return np.where(np.isfinite(values) & (values > 0), values, np.nan)
+
+
+P = ParamSpec("P")
+
+_OPTIONS = {
+    "view": """view : "auto", "allan" or "wavelet"
+    Quantity to draw: the Allan deviation √(2ν²) against the averaging time τ/2 (s), or the wavelet variance ν² against
+    the scale τ (s). By default the Allan deviation, if the filter is Haar's.""",
+    "units": """units : "auto", "datasheet" or "si"
+    Units of the plot: deg/h and mg, or rad/s and m/s². By default, Allan deviations are in datasheet units, and
+    everything else is in SI units. Data in other units are not converted.""",
+    "ax": """ax : matplotlib Axes, optional
+    Axes to draw on; by default the axes of a new figure.""",
+    "path": """path : path, optional
+    File to write the picture to, ending in .png, .pdf or .svg.""",
+}
+"""Documentation of the options that plots share."""
+_SECTIONS = {
+    "Parameters": "Parameters\n----------",
+    "Returns": """Returns
+-------
+matplotlib.figure.Figure
+    A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.""",
+    "Raises": """Raises
+------
+OptionError
+    If an option is unknown, or the data do not support it.""",
+}
+"""Sections that the documentation of each plot has, and their content if the function does not document them."""
+
+
+def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
+    """Draw the figure that a function describes, with its options `ax` and `path`, and complete its docstring."""
+
+    @wraps(describe)
+    def plot(*arguments: P.args, **options: P.kwargs) -> MatplotlibFigure:
+        library("matplotlib")
+        from gmwm.showing.plots.axes import one_tick_form
+        from gmwm.showing.plots.matplotlib import draw
+
+        places: dict[str, Any] = {name: options.get(name) for name in ("ax", "path")}
+        return draw(one_tick_form(describe(*arguments, **options)), **places)
+
+    plot.__doc__ = _documentation(inspect.getdoc(describe) or "", [*inspect.signature(describe).parameters])
+    return plot
+
+
+def description(plot: Callable[P, MatplotlibFigure]) -> Callable[P, Figure]:
+    """Return the function that describes the figure of a plot without Matplotlib, for another renderer or a test."""
+    describe: Callable[P, Figure] = vars(plot)["__wrapped__"]
+    return describe
+
+
+def _documentation(text: str, names: list[str]) -> str:
+    """Return a docstring with the options that plots share, and with all sections of `_SECTIONS`."""
+    head, *written = re.split(r"\n\n(?=\w+\n---)", text)
+    sections = _SECTIONS | {section.partition("\n")[0]: section for section in written}
+    specific = sections["Parameters"]
+    common = [words for name, words in _OPTIONS.items() if name in names and f"\n{name} : " not in specific]
+    sections["Parameters"] = "\n".join([specific, *common])
+    return "\n\n".join([head, *sections.values()]) + "\n"

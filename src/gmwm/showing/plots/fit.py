@@ -1,4 +1,4 @@
-"""Plot of a fit: the measured wavelet variance, the curve of the fitted model, and the curve of each of its terms."""
+"""Plot of a fit: the measured wavelet variance, and the curves of the fitted model and of each of its terms."""
 
 from __future__ import annotations
 
@@ -11,12 +11,32 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.showing.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke, Text, drawable, single_panel
-from gmwm.showing.plots.labels import LINES, axis_title, datasheet_label, model_text, shared_name, term_label
-from gmwm.showing.plots.style import GREY, IMPLIED, OSCILLATING, term_strokes
-from gmwm.showing.plots.view import UnitSystem, View, ViewName
+from gmwm.base.errors import OptionError
+from gmwm.showing.plots.axes import time_axis, value_axis
+from gmwm.showing.plots.curves import (
+    ABOVE,
+    MIDDLE,
+    Item,
+    closed_panel,
+    curves_then_bands,
+    observed_marks,
+    overlay_panel,
+    view_for,
+    wavelet_variance_of,
+)
+from gmwm.showing.plots.figure import Figure, Panel, Polyline, Stroke, Text, drawable, drawing, single_panel
+from gmwm.showing.plots.labels import (
+    LINES,
+    UnitSystem,
+    View,
+    ViewName,
+    axis_title,
+    datasheet_label,
+    model_text,
+    shared_name,
+    term_label,
+)
+from gmwm.showing.plots.style import GREY, IMPLIED, OSCILLATING, curve_stroke, term_strokes
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -146,7 +166,6 @@ def plot_fit(
     ModelError
         If a maximum-likelihood fit was read from a file, which does not hold the recording.
     """
-    from gmwm.showing.plots.shared_axes import named_fit_panel
 
     if label is None and color is None:
         panel = fit_panel(fit, view=view, units=units, decomposition=decomposition is not False)
@@ -155,3 +174,73 @@ def plot_fit(
             fit, label=label, color=color, view=view, units=units, ax=ax, decomposition=decomposition is True
         )
     return single_panel(panel)
+
+
+def named_panel(
+    item: Item, *, label: str | None = None, color: str | None = None, view: ViewName = "auto",
+    units: UnitSystem = "auto", ax: Axes | None = None,
+) -> Panel:  # fmt: skip
+    """Return a panel with one named curve. Its axes include the curves that gmwm has already drawn on `ax`, and its
+    default colour is the next free one. Raises an OptionError if the earlier curves have another quantity or unit."""
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+
+    drawn = ax if isinstance(ax, Axes) else None
+    # Each earlier curve has one confidence band, so the number of bands is the number of curves.
+    before = 0 if drawn is None else sum(isinstance(artist, PolyCollection) for artist in drawn.collections)
+    stroke = curve_stroke(before)
+    if color is not None:
+        stroke = replace(stroke, colour=_hex(color))
+    name = wavelet_variance_of(item).axis or "Data" if label is None else label
+    panel = overlay_panel({name: item}, view=view, units=units, strokes=[stroke])
+    # The bands of all curves share one legend entry.
+    panel = replace(panel, marks=tuple(curves_then_bands(panel.marks, 2)))
+    return panel if drawn is None or not before else _join(panel, drawn)
+
+
+def named_fit_panel(
+    fit: Fitted, *, label: str | None, color: str | None, view: ViewName, units: UnitSystem, ax: Axes | None,
+    decomposition: bool,
+) -> Panel:  # fmt: skip
+    """Return the panel of `named_panel` for a fit, with a thin line for each term in its colour if `decomposition`."""
+    panel = named_panel(fit, label=label, color=color, view=view, units=units, ax=ax)
+    if not decomposition:
+        return panel
+    name = panel.marks[0].label
+    shown = view_for(fit.wavelet_variance, view, units)
+    colour = next(mark.stroke.colour for mark in panel.marks if isinstance(mark, Polyline))
+    terms = (
+        replace(line, stroke=replace(line.stroke, colour=colour), label=f"{name}, {line.label}")
+        for line in term_lines(fit, shown, alone=False)
+    )
+    return replace(panel, marks=(*panel.marks, *terms))
+
+
+def _hex(color: str) -> str:
+    from matplotlib.colors import to_hex
+
+    try:
+        return to_hex(color)
+    except (ValueError, TypeError) as error:
+        raise OptionError(argument="color", expected='a colour such as "#0072B2" or "red"', got=color) from error
+
+
+def _join(panel: Panel, ax: Axes) -> Panel:
+    """Return the panel with axes that also include the curves on `ax`, which must show the same quantity and unit."""
+    if ax.get_ylabel() != panel.y.label:
+        raise OptionError(
+            f"curves on the same axes need the same quantity and unit, but they are {ax.get_ylabel()!r} and "
+            f"{panel.y.label!r}",
+            argument="ax",
+            got=ax,
+            advice="Plot them on axes of their own.",
+        )
+    # Minor ticks are lines too. They are excluded because their positions are not in the units of the data.
+    curves = [line for line in ax.lines if all(line.get_transform().contains_branch_seperately(ax.transData))]
+    times = [np.asarray(line.get_xdata(), dtype=float) for line in curves] + [line.x for line in panel.lines]
+    (low, high), (bottom, top) = ax.get_ylim(), panel.y.limits
+    return replace(
+        panel,
+        x=time_axis(np.unique(np.concatenate(times)), panel.x.label),
+        y=value_axis((min(low, bottom), max(high, top)), panel.y.label),
+    )

@@ -11,42 +11,17 @@ from gmwm.base.errors import OptionError
 from gmwm.measuring.axis_results import ResultsByAxis
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
-from gmwm.showing.plots.curves import wavelet_variance_panel
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke
+from gmwm.showing.plots.curves import Item, checked_items, overlay_panel, wavelet_variance_of, wavelet_variance_panel
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, description, drawing
 from gmwm.showing.plots.fit import fit_panel
-from gmwm.showing.plots.labels import axis_title, sensor_and_letter, sensor_title
-from gmwm.showing.plots.overlay import Item, checked_items, overlay_panel, wavelet_variance_of
+from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.style import curve_stroke, letter_stroke
-from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
 SINGLE_WIDTH_MM = 120.0
 """Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""
-
-
-def imu_figure(
-    items: Mapping[str, Item | Mapping[str, Item]], *, split: bool = True, view: ViewName = "auto",
-    units: UnitSystem = "auto",
-) -> Figure:  # fmt: skip
-    """Return the figure that `plot_imu` draws."""
-    if not isinstance(items, Mapping) or not items:
-        checked_items(items)
-    axes = {
-        name: checked_items(item) if isinstance(item, Mapping) else checked_items({name: item})[name]
-        for name, item in items.items()
-    }
-    if split:
-        return _grid(axes, view, units)
-    single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
-    if len(single) < len(axes):
-        raise OptionError(
-            "a panel for each sensor can show one curve of each axis only, but an axis has several", argument="split",
-            got=split, advice="Use {--split=yes}, or pass one curve for each axis.",
-        )  # fmt: skip
-    return _by_sensor(single, view, units)
 
 
 @drawing
@@ -70,7 +45,21 @@ def plot_imu(
     OptionError
         If an option is unknown, `items` is empty, or `split` is False and an axis has several curves.
     """
-    return imu_figure(items, split=split, view=view, units=units)
+    if not isinstance(items, Mapping) or not items:
+        checked_items(items)
+    axes = {
+        name: checked_items(item) if isinstance(item, Mapping) else checked_items({name: item})[name]
+        for name, item in items.items()
+    }
+    if split:
+        return _grid(axes, view, units)
+    single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
+    if len(single) < len(axes):
+        raise OptionError(
+            "a panel for each sensor can show one curve of each axis only, but an axis has several", argument="split",
+            got=split, advice="Use {--split=yes}, or pass one curve for each axis.",
+        )  # fmt: skip
+    return _by_sensor(single, view, units)
 
 
 @drawing
@@ -95,17 +84,17 @@ def plot_results(
     >>> imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-8)", "gyro_y": "WN(sigma2=9e-8)"}, rate=100.0, duration=9.0, rng=1)
     >>> figure = gmwm.plots.plot_results(gmwm.allan_variance(imu))
     """
-    from gmwm.showing.plots.allan import allan_figure
+    from gmwm.showing.plots.allan import plot_allan_axes
 
     curves = {axis: result for axis, result in results.items() if isinstance(result, ClusterVariance)}
     if curves:
-        return allan_figure(curves, units=units, guides=True)
+        return description(plot_allan_axes)(curves, units=units, guides=True)
     if any(not hasattr(result, "implied") for result in results.values()):
         raise OptionError(
             f"the results of {', '.join(results)} have no plot together", argument="results", got=results,
             advice="Draw one of them, as in `results[axis].plot()`.",
         )  # fmt: skip
-    return imu_figure(results, units=units)
+    return description(plot_imu)(results, units=units)
 
 
 def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: UnitSystem) -> Figure:

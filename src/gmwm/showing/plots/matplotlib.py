@@ -158,28 +158,10 @@ class Picture(MatplotlibFigure):
 
 
 def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw a figure with Matplotlib, and write the picture to a file if a path is given.
+    """Draw a figure on new Matplotlib axes or on `ax`, and write the picture to `path`, a .png, .pdf or .svg file.
 
-    If writing fails, an existing file is not changed.
-
-    Parameters
-    ----------
-    figure : Figure
-        Description of the plot.
-    ax : matplotlib Axes, optional
-        Axes on which a plot with one panel and its legend are drawn. Default: a new Matplotlib figure.
-    path : path, optional
-        File to write, ending in .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The new figure, or the figure of `ax`.
-
-    Raises
-    ------
-    OptionError
-        If `ax` is not a Matplotlib Axes, if it is given for a plot of several panels, or if `path` has another suffix.
+    Returns the new figure, or the figure of `ax`. If writing fails, an existing file is not changed. Raises an
+    OptionError if `ax` is not a Matplotlib Axes or is given for several panels, or if `path` has another suffix.
     """
     if path is not None and Path(path).suffix.lower() not in FORMATS:
         raise OptionError(argument="path", expected=f"a path that ends in {', '.join(FORMATS)}", got=str(path))

@@ -15,8 +15,7 @@ from gmwm.base.text import duration_text
 from gmwm.fitting.inference.planning import CERTAIN_ERROR, Plan, as_accuracy
 from gmwm.showing.plots.axes import limits_of, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, single_panel
+from gmwm.showing.plots.figure import Band, Figure, Mark, Panel, Polyline, Stroke, Symbol, drawing, single_panel
 from gmwm.showing.plots.labels import model_text
 from gmwm.showing.plots.style import BLACK, DOTTED, GREY, term_strokes
 

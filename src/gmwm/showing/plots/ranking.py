@@ -24,12 +24,10 @@ from gmwm.showing.plots.curves import (
     observed_marks,
     view_for,
 )
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable
+from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline, Stroke, Symbol, Tick, drawable, drawing
 from gmwm.showing.plots.imu import SINGLE_WIDTH_MM
-from gmwm.showing.plots.labels import axis_title, model_text
+from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
-from gmwm.showing.plots.view import UnitSystem, ViewName
 
 if TYPE_CHECKING:
     from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
@@ -45,46 +43,6 @@ OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)
 
 EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
 """Value up to which the axis of differences is linear, and largest value for which a whole axis is linear."""
-
-
-def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
-    """Return the figure that `plot_ranking` draws."""
-    if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
-        raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
-    drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
-    strokes = _strokes(drawn)
-    # Candidates that are equivalent to the best one are always drawn (tests/plots/test_plot_ranking.py).
-    listed = [c for k, c in enumerate(ranking.distinct) if k < max(10, limit) or c.equivalent or c.recommended]
-    rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
-    criteria = _criteria(listed, dict(zip(map(id, drawn), strokes, strict=True)))
-    lines = max(_row_name(c).count("\n") + 1 for c in listed)
-    heights = (64.0, 16.0 + (1.8 + 2.8 * lines) * len(listed))
-    foot = 6.0 + 4.0 * ((len(drawn) + 4) // 3)
-    recordings = len(ranking.best.fit.wavelet_variance.recordings)
-    words = [axis_title(drawn[0].fit.wavelet_variance.axis), f"models within {model_text(ranking.within.terms)}"]
-    if recordings > 1:
-        words.append(f"mean of {recordings} recordings")
-    title = ", ".join(filter(None, words))
-    return Figure(
-        rows=(*rows, (criteria,)), width=PAGE, height=sum(heights) + foot, title=title[:1].upper() + title[1:],
-        legend_columns=3, heights=heights,
-    )  # fmt: skip
-
-
-def candidates_figure(comparison: Comparison, *, view: ViewName = "auto", units: UnitSystem = "auto") -> Figure:
-    """Return the figure that `plot_candidates` draws."""
-    pair = (comparison.first, comparison.second)
-    strokes = [FIRST, _stroke(0)]
-    curves = _curves(pair, strokes, view, units)
-    names = " against ".join(model_text(c.model.terms) for c in pair)
-    name, scores = _score_name(pair[0]), [_score(c) for c in pair]
-    difference = f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}".replace("-", "−")
-    title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
-    heights = (74.0, 56.0)
-    panels = ((curves,), (_distances(pair, strokes, view, units),))
-    return Figure(
-        rows=panels, width=SINGLE_WIDTH_MM, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights
-    )
 
 
 def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:
@@ -218,7 +176,26 @@ def plot_ranking(
     >>> figure.axes[2].get_xlabel()
     'WIC above the best'
     """
-    return ranking_figure(ranking, limit=limit, view=view, units=units)
+    if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
+        raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
+    drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
+    strokes = _strokes(drawn)
+    # Candidates that are equivalent to the best one are always drawn (tests/plots/test_plot_ranking.py).
+    listed = [c for k, c in enumerate(ranking.distinct) if k < max(10, limit) or c.equivalent or c.recommended]
+    rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
+    criteria = _criteria(listed, dict(zip(map(id, drawn), strokes, strict=True)))
+    lines = max(_row_name(c).count("\n") + 1 for c in listed)
+    heights = (64.0, 16.0 + (1.8 + 2.8 * lines) * len(listed))
+    foot = 6.0 + 4.0 * ((len(drawn) + 4) // 3)
+    recordings = len(ranking.best.fit.wavelet_variance.recordings)
+    words = [axis_title(drawn[0].fit.wavelet_variance.axis), f"models within {model_text(ranking.within.terms)}"]
+    if recordings > 1:
+        words.append(f"mean of {recordings} recordings")
+    title = ", ".join(filter(None, words))
+    return Figure(
+        rows=(*rows, (criteria,)), width=PAGE, height=sum(heights) + foot, title=title[:1].upper() + title[1:],
+        legend_columns=3, heights=heights,
+    )  # fmt: skip
 
 
 @drawing
@@ -230,4 +207,15 @@ def plot_candidates(
 
     The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
     """
-    return candidates_figure(comparison, view=view, units=units)
+    pair = (comparison.first, comparison.second)
+    strokes = [FIRST, _stroke(0)]
+    curves = _curves(pair, strokes, view, units)
+    names = " against ".join(model_text(c.model.terms) for c in pair)
+    name, scores = _score_name(pair[0]), [_score(c) for c in pair]
+    difference = f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}".replace("-", "−")
+    title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
+    heights = (74.0, 56.0)
+    panels = ((curves,), (_distances(pair, strokes, view, units),))
+    return Figure(
+        rows=panels, width=SINGLE_WIDTH_MM, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights
+    )

@@ -10,12 +10,10 @@ import numpy as np
 from gmwm.base.errors import OptionError
 from gmwm.base.units import datasheet_units
 from gmwm.measuring.regression.against import TIME, WARM_UP
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Band, Figure, Panel, Polyline, Stroke, single_panel
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.linear import even_axis, power_of, scaled_unit
+from gmwm.showing.plots.axes import even_axis, power_of, scaled_unit
+from gmwm.showing.plots.figure import Band, Figure, Panel, Polyline, Stroke, drawing, single_panel
+from gmwm.showing.plots.labels import UnitSystem, axis_title
 from gmwm.showing.plots.style import BLUE, GREY, ORANGE
-from gmwm.showing.plots.view import UnitSystem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,11 +59,6 @@ def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Pan
     return Panel(x, y, tuple(marks), f"{axis_title(regression.axis)} against {regression.against}")
 
 
-def regression_figure(regression: Regression, *, units: UnitSystem = "si") -> Figure:
-    """Return the figure that `plot_regression` draws, which has one panel."""
-    return single_panel(regression_panel(regression, units=units))
-
-
 @drawing
 def plot_regression(
     regression: Regression, *, units: UnitSystem = "si", ax: Axes | None = None,
@@ -76,4 +69,4 @@ def plot_regression(
     """
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
-    return regression_figure(regression, units=units)
+    return single_panel(regression_panel(regression, units=units))

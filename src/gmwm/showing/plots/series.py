@@ -20,15 +20,12 @@ from gmwm.measuring.variance.transform import Dwt, Modwt
 from gmwm.recording.batches import batches
 from gmwm.recording.repairs.plan import plans_of
 from gmwm.recording.signals import Imu, Signal
-from gmwm.showing.plots.axes import number_text, quiet
+from gmwm.showing.plots.axes import elapsed_axis, number_text, quiet, scaled_axis
 from gmwm.showing.plots.curves import FRONT
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol
-from gmwm.showing.plots.labels import axis_title, model_text, sensor_and_letter, term_label
-from gmwm.showing.plots.linear import elapsed_axis, scaled_axis
+from gmwm.showing.plots.figure import PAGE, Figure, Mark, Panel, Polyline, Stroke, Symbol, drawing
+from gmwm.showing.plots.labels import UnitSystem, View, axis_title, model_text, sensor_and_letter, term_label, view_of
 from gmwm.showing.plots.style import BLUE, letter_stroke, term_strokes
 from gmwm.showing.plots.trace import Outline, even_trace, lone_dots, offset_of, trace
-from gmwm.showing.plots.view import UnitSystem, View, view_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,28 +121,6 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
     return _panels([_SignalRow(samples.less(mean), _stroke(signal.axis), title)], shown, quantity_name(signal.unit))[0]
 
 
-def recording_figure(imu: Imu, *, units: UnitSystem = "si", inspection: Inspection | None = None) -> Figure:
-    """Return the figure that `plot_recording` draws, with a column for each sensor and a row for each axis letter."""
-    findings = {} if inspection is None else samples_of_findings(imu, inspection)
-    places = {axis: sensor_and_letter(axis) for axis in imu}
-    named = all(sensor for sensor, _ in places.values())
-    sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
-    columns: list[dict[str, Panel]] = []
-    for sensor in sensors:
-        members = [axis for axis, place in places.items() if place[0] == sensor or not named]
-        columns.append(
-            dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors), findings=findings), strict=True))
-        )
-    letters = sorted({letter for _, letter in places.values()}) if named else []
-    rows: list[tuple[Panel | None, ...]] = [
-        tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
-        for letter in letters
-    ] or [(panel,) for panel in columns[0].values()]
-    labels = len({label for of_axis in findings.values() for label in of_axis})
-    height = 12.0 + row_height(len(rows), 44.0) * len(rows) + 5.0 * math.ceil(labels / FINDINGS_COLUMNS)
-    return Figure(time_once(rows), width=PAGE, height=height, legend_columns=FINDINGS_COLUMNS)
-
-
 def _sensor_panels(
     imu: Imu, axes: Sequence[str], units: UnitSystem, width: float, *, findings: Mapping[str, Samples]
 ) -> list[Panel]:
@@ -170,29 +145,6 @@ def _sensor_panels(
             rows.append(_SignalRow(samples.less(mean), _stroke(axis), title, marked))
         panels |= dict(zip(members, _panels(rows, shown, quantity_name(unit)), strict=True))
     return [panels[axis] for axis in axes]
-
-
-def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -> Figure:
-    """Return the figure that `plot_components` draws: the signal, and below it the process of each term."""
-    signal, model = simulated.signal, simulated.model
-    shown = view_of(signal.unit, "allan", units)
-    columns = round(DOTS_OF_MM * PAGE)
-    offset = shown.factor * simulated.offset
-    name = axis_title(signal.axis) if signal.axis else "Signal"
-    less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
-    step = simulated.resolution
-    steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
-    title = f"{name}{less}: {model_text(model.terms)}{steps}"
-    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, LINE_WIDTH_PT), title)]
-    strokes = term_strokes(model.terms, model.processes)
-    for term, process in zip(model.terms, model.processes, strict=True):
-        path = trace(simulated[term], shown.factor, columns)
-        rows.append(
-            _SignalRow(path, Stroke(strokes[term].colour, LINE_WIDTH_PT), term_label(term, process, shown, signal.rate))
-        )
-    panels = _panels(rows, shown)
-    stacked = time_once([(panel,) for panel in panels])
-    return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +258,24 @@ def plot_recording(
     The axes of a sensor have the same scale, unless a curve would be flat. Symbols mark up to 300 samples of each
     finding of an `inspection` of the recording, such as clipped, repeated or wrapped samples, knocks and jumps.
     """
-    return recording_figure(imu, units=units, inspection=inspection)
+    findings = {} if inspection is None else samples_of_findings(imu, inspection)
+    places = {axis: sensor_and_letter(axis) for axis in imu}
+    named = all(sensor for sensor, _ in places.values())
+    sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
+    columns: list[dict[str, Panel]] = []
+    for sensor in sensors:
+        members = [axis for axis, place in places.items() if place[0] == sensor or not named]
+        columns.append(
+            dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors), findings=findings), strict=True))
+        )
+    letters = sorted({letter for _, letter in places.values()}) if named else []
+    rows: list[tuple[Panel | None, ...]] = [
+        tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
+        for letter in letters
+    ] or [(panel,) for panel in columns[0].values()]
+    labels = len({label for of_axis in findings.values() for label in of_axis})
+    height = 12.0 + row_height(len(rows), 44.0) * len(rows) + 5.0 * math.ceil(labels / FINDINGS_COLUMNS)
+    return Figure(time_once(rows), width=PAGE, height=height, legend_columns=FINDINGS_COLUMNS)
 
 
 @drawing
@@ -318,20 +287,23 @@ def plot_components(
     Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
     would be flat.
     """
-    return components_figure(simulated, units=units)
-
-
-def coefficients_figure(
-    transform: Modwt | Dwt, rate: float, *, unit: str = "", levels: Iterable[int] | None = None
-) -> Figure:
-    """Return the figure that `plot_coefficients` draws."""
-    rate = as_rate(rate)
-    shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
-    chosen = shown if levels is None else sorted(set(levels))
-    if not chosen or not set(chosen) <= set(shown):
-        raise OptionError(argument="levels", expected=f"some of {shown[0]} to {shown[-1]}", got=levels)
-    rows = [(_panel(transform, level, rate, unit),) for level in chosen]
-    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
+    signal, model = simulated.signal, simulated.model
+    shown = view_of(signal.unit, "allan", units)
+    columns = round(DOTS_OF_MM * PAGE)
+    offset = shown.factor * simulated.offset
+    name = axis_title(signal.axis) if signal.axis else "Signal"
+    less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
+    step = simulated.resolution
+    steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
+    title = f"{name}{less}: {model_text(model.terms)}{steps}"
+    rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, LINE_WIDTH_PT), title)]
+    strokes = term_strokes(model.terms, model.processes)
+    for term, process in zip(model.terms, model.processes, strict=True):
+        outline, stroke = trace(simulated[term], shown.factor, columns), Stroke(strokes[term].colour, LINE_WIDTH_PT)
+        rows.append(_SignalRow(outline, stroke, term_label(term, process, shown, signal.rate)))
+    panels = _panels(rows, shown)
+    stacked = time_once([(panel,) for panel in panels])
+    return Figure(stacked, width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))
 
 
 def _panel(transform: Modwt | Dwt, level: int, rate: float, unit: str) -> Panel:
@@ -383,4 +355,10 @@ def plot_coefficients(
     >>> len(figure.axes)
     3
     """
-    return coefficients_figure(transform, rate, unit=unit, levels=levels)
+    rate = as_rate(rate)
+    shown = [j for j in transform.details if transform.interior[j].start < transform.interior[j].stop]
+    chosen = shown if levels is None else sorted(set(levels))
+    if not chosen or not set(chosen) <= set(shown):
+        raise OptionError(argument="levels", expected=f"some of {shown[0]} to {shown[-1]}", got=levels)
+    rows = [(_panel(transform, level, rate, unit),) for level in chosen]
+    return Figure(time_once(rows), width=PAGE, height=12.0 + row_height(len(rows), 34.0) * len(rows))

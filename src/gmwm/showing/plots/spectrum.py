@@ -14,8 +14,7 @@ from gmwm.base.units import datasheet_units, noise_unit
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH
 from gmwm.showing.plots.axes import limits_near, limits_of, power_ticks, value_axis
 from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
-from gmwm.showing.plots.drawing import drawing
-from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, single_panel
+from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, drawing, single_panel
 from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.measuring.spectrum import PowerSpectrum
-    from gmwm.showing.plots.view import UnitSystem
+    from gmwm.showing.plots.labels import UnitSystem
 
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Stroke of the symbol that marks a line in the spectrum."""
@@ -148,18 +147,6 @@ def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
     return float(values.max()) if values.size else float("nan")
 
 
-def spectra_figure(
-    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
-) -> Figure:
-    """Return the figure that `plot_spectra` draws, with one row for each sensor and one panel for each axis."""
-    return grid_figure(
-        {
-            axis: spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
-            for axis, spectrum in spectra.items()
-        }
-    )
-
-
 @drawing
 def plot_spectrum(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", ax: Axes | None = None,
@@ -206,4 +193,9 @@ def plot_spectra(
     OptionError
         If `units` is unknown, or is "datasheet" and an axis is neither an angular rate nor an acceleration.
     """
-    return spectra_figure(spectra, models=models, units=units)
+    return grid_figure(
+        {
+            axis: spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
+            for axis, spectrum in spectra.items()
+        }
+    )

@@ -1,15 +1,19 @@
-"""Content of a report: a dictionary of strings, numbers and lists that a template renders."""
+"""Content of a report, as strings, numbers and lists, and the sections that other packages add."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
 from gmwm.base.units import find_unit, parse_unit
@@ -20,8 +24,7 @@ from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
 from gmwm.measuring.regression.against import WARM_UP
 from gmwm.showing.exporters import export, export_formats
-from gmwm.showing.plots.labels import axis_title
-from gmwm.showing.plots.view import DATASHEET_UNIT
+from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
 from gmwm.showing.reports.figures import (
     axis_pictures,
     recordings_pictures,
@@ -29,10 +32,7 @@ from gmwm.showing.reports.figures import (
     sensor_pictures,
     spectrum_pictures,
 )
-from gmwm.showing.reports.filter_tables import filter_tables
-from gmwm.showing.reports.recording_facts import Facts, recording_facts, title_of
-from gmwm.showing.reports.sections import sections
-from gmwm.showing.reports.verdict import notes, verdict
+from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.measuring.regression import Regression
     from gmwm.measuring.spectrum import PowerSpectrum
+
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
@@ -380,3 +381,44 @@ def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
     return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}
+
+
+GROUP = "gmwm.reports"
+"""Group of the entry points of sections. The name of an entry point is the name of the section."""
+ENTRY_POINTS = {"budget": "gmwm.applications.navigation.table:budget_section"}
+"""Entry points of the package itself. They are loaded like those of other packages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A section of a report.
+
+    Attributes
+    ----------
+    title : str
+        Heading.
+    text : str
+        A paragraph. Text between backticks is shown as code.
+    rows : sequence of sequences of str
+        Table with its heading in the first row; empty for none.
+    remarks : sequence of str
+        Paragraphs below the table, as HTML in which names from files are escaped.
+    """
+
+    title: str
+    text: str = ""
+    rows: Sequence[Sequence[str]] = ()
+    remarks: Sequence[str] = ()
+
+
+@cache
+def _registry() -> dict[str, Callable[[Calibration], Section | None]]:
+    registry = {name: resolve_name(place) for name, place in ENTRY_POINTS.items()}
+    admit_guests(GROUP, registry.setdefault)
+    return registry
+
+
+def sections(calibration: Calibration) -> dict[str, Section]:
+    """Return the sections of a report by name. A function that returns None adds no section."""
+    contents = {name: function(calibration) for name, function in _registry().items()}
+    return {name: section for name, section in contents.items() if section is not None}

@@ -1,24 +1,96 @@
-"""Content of the verdict box of a report: a headline, the remarks, and the main results."""
+"""First screen of a report: facts on the recording, verdict, and N, K and B of each axis with their verdicts."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gmwm.base.axis_names import by_sensor
-from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
-from gmwm.base.text import duration_text
+from gmwm.base.remarks import Dialect, Remark, Severity, texts, with_groups
+from gmwm.base.text import duration_text, list_text
 from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
-from gmwm.calibration.number_verdicts import Usability
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.summary_text import main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.showing.plots.labels import axis_title
 
 if TYPE_CHECKING:
-    from gmwm.calibration.result import Calibration
+    from gmwm.calibration.recording_info import Recording
+    from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.measuring.outliers import Verdict
+
+
+Facts = list[tuple[str, str]]
+"""Pairs of name and value, in the order of the page."""
+
+
+def recording_facts(calibration: Calibration) -> dict[str, Any]:
+    """Return the facts on the recording, as "facts" and "rows".
+
+    For a single recording, "facts" has all facts. For several recordings, it has the common facts, and "rows" is a
+    table with a column for each recording.
+    """
+    axes = [("Axes", ", ".join([*calibration.axes, *calibration.failed])), ("Units", _units(calibration))]
+    if calibration.recordings:
+        columns = [
+            dict([*_file(recording), *_length(recording.samples, recording.rate), *_conditions(recording)])
+            for recording in calibration.recordings.values()
+        ]
+        titles = list(dict.fromkeys(title for column in columns for title in column))
+        rows = [["", *calibration.recordings], *([t, *(c.get(t, "") for c in columns)] for t in titles)]
+        return {"facts": axes, "rows": rows}
+    recording = calibration.recording
+    source = calibration.source_name
+    facts: Facts = [("Source", source)] if source and (recording is None or source != recording.file) else []
+    if recording is None:
+        wv = next(iter(calibration.axes.values())).fit.wavelet_variance
+        return {"facts": [*facts, *_length(wv.samples, wv.rate), *axes], "rows": []}
+    facts += [*_file(recording), *_length(recording.samples, recording.rate), *axes, *_conditions(recording)]
+    return {"facts": facts, "rows": []}
+
+
+def title_of(calibration: Calibration) -> str:
+    """Return the title of a report, with the name of the file."""
+    recording = calibration.recording
+    name = recording.file if recording is not None and recording.file else calibration.source_name
+    return f"Calibration of {name}" if name else "Calibration"
+
+
+def _file(recording: Recording) -> Facts:
+    name = f"{recording.file}, {recording.size} bytes"
+    return [("File", name), ("SHA-256", recording.sha256)] if recording.sha256 else []
+
+
+def _length(samples: int, rate: float) -> Facts:
+    return [("Sampling rate", f"{rate:g} Hz"), ("Length", f"{samples} samples, {duration_text(samples / rate)}")]
+
+
+def _conditions(recording: Recording) -> Facts:
+    """Return the facts on gaps, time stamps, motion and temperature of a recording."""
+    gaps = recording.segments - 1
+    lost = f"{gaps}, {duration_text(recording.missing)} missing" if recording.missing > 0 else str(gaps)
+    jitter = recording.jitter
+    stamps = "none" if jitter is None else f"jitter {significant(jitter, 3)} s (root mean square)"
+    facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps)]
+    facts += [("At rest", "yes" if recording.static else "no"), ("Knocks", str(recording.knocks))]
+    if recording.gravity is not None:
+        facts.append(("Specific force", f"{recording.gravity:.5g} m/s²"))
+    limits = recording.temperature
+    temperature = "not recorded" if limits is None else f"{limits[0]:.4g} to {limits[1]:.4g} °C"
+    return [*facts, ("Temperature", temperature)]
+
+
+def _units(calibration: Calibration) -> str:
+    units: dict[str, list[str]] = {}
+    for axis, fit in calibration.items():
+        units.setdefault(fit.wavelet_variance.unit or "not known", []).append(axis)
+    return "; ".join(f"{unit}: {', '.join(axes)}" for unit, axes in units.items())
+
 
 State = Literal["good", "look", "bad"]
 """State of a point in the verdict box. "good": nothing to do. "look": read the remark before using the numbers. "bad":
@@ -147,3 +219,76 @@ def _range(entries: Mapping[str, Entry]) -> str:
         more = f" ({', '.join(values)}; upper limits for the other axes)" if len(values) < len(entries) else ""
         return f"{' to '.join(texts)} {unit}{more}"
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"
+
+
+SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
+"""Spaces between the sentences of a text."""
+_STATE_OF_NUMBERS = {Usability.USE: "good", Usability.BOUND: "look", Usability.DO_NOT_USE: "bad"}
+_WITHOUT_REMARK = {
+    Usability.BOUND: "The recording determines only an upper limit.",
+    Usability.DO_NOT_USE: "The recording does not determine it.",
+}
+
+
+def filter_tables(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> list[dict[str, Any]]:
+    """Return a table for each sensor: "sensor", "title", "heads", "rows", and "reasons" of numbers that have a limit.
+
+    A row has "axis", "title", "cells", "model" and "failed", which is the reason if the axis was not calibrated. A cell
+    has "text", "mark" and "state". The reasons are sentences in the form of the dialect.
+    """
+    tables = []
+    for sensor, members in by_sensor({**calibration.axes, **calibration.failed}).items():
+        axes = {axis: calibration.axes[axis] for axis in members if axis in calibration.axes}
+        symbols = main_symbols(axes)
+        verdicts = {axis: calibration.number_verdicts[axis] for axis in axes}
+        rows = [
+            {"axis": axis, "title": axis_title(axis), "failed": "", "model": model_words(result.fit.model),
+             "cells": [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]}
+            for axis, result in axes.items()
+        ]  # fmt: skip
+        rows += [
+            {"axis": axis, "title": axis_title(axis), "failed": calibration.failed[axis], "model": "", "cells": []}
+            for axis in members if axis in calibration.failed
+        ]  # fmt: skip
+        heads = [f"{symbol} ({unit})" for symbol, unit in symbols.items()] or list(MAIN)
+        tables.append({
+            "sensor": sensor, "title": SENSORS.get(sensor, sensor or "Axes"), "heads": heads, "rows": rows,
+            "reasons": _reasons(calibration, verdicts, dialect), "bias": False,
+        })  # fmt: skip
+    return tables
+
+
+def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -> dict[str, str]:
+    if verdict is None:
+        return {"text": "", "mark": "", "state": ""}
+    text = number_text(result.datasheet[symbol], verdict)
+    mark = "" if verdict.usability is Usability.BOUND else verdict.usability.mark
+    return {"text": text, "mark": mark, "state": _STATE_OF_NUMBERS[verdict.usability]}
+
+
+def _reasons(
+    calibration: Calibration, verdicts: Mapping[str, Mapping[str, NumberVerdict]], dialect: Dialect
+) -> list[dict[str, Any]]:
+    """Return "state", "mark", "numbers" and "text" for each reason why main numbers are limits or cannot be used."""
+    limits = {remark.subject: remark for remark in calibration.remarks if remark.code == "b-limit"}
+    remarks: dict[tuple[Usability, str], dict[Remark, None]] = {}
+    axes: dict[tuple[Usability, str], dict[str, list[str]]] = {}
+    for axis, symbol, verdict in ((a, s, of_axis[s]) for a, of_axis in verdicts.items() for s in MAIN if s in of_axis):
+        if verdict.usability is Usability.USE:
+            continue
+        reason = verdict.reason or (limits.get(axis) if symbol == "B" else None)
+        key = verdict.usability, reason.code if reason else ""
+        remarks.setdefault(key, {}).update({reason: None} if reason else {})
+        axes.setdefault(key, {}).setdefault(symbol, []).append(axis)
+    return [
+        {"state": _STATE_OF_NUMBERS[usability], "mark": usability.mark, "code": code,
+         "numbers": "; ".join(f"{symbol} of {list_text(names)}" for symbol, names in axes[usability, code].items()),
+         "text": _first_sentence(group, dialect) or _WITHOUT_REMARK[usability]}
+        for (usability, code), group in sorted(remarks.items(), key=lambda item: item[0][0] is Usability.BOUND)
+    ]  # fmt: skip
+
+
+def _first_sentence(remarks: Iterable[Remark], dialect: Dialect) -> str:
+    """Return the first sentence of the text on some remarks. It names their axes only if it needs them."""
+    named = [r if "{subjects}" in r.message.sentence_for(r.facts) else r.about("") for r in remarks]
+    return " ".join(SENTENCE_ENDS.split(text)[0] for text in texts(named, dialect)[:1])

@@ -155,11 +155,14 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
 
 
 def start_at_zero(process: Process, rate: float) -> StateSpace:
-    """Return the state space in which power-law noise starts at zero, as a random walk does: it has no stationary
-    distribution, and the initial variance of its slowest states only depends on `LADDER_OCTAVES`."""
+    """Return the state space in which the noise starts at zero, as a random walk does, so that all slow noise of the
+    same curve has the same start. Oscillations, whose phase is not known, and noise without poles, which has no slow
+    part, start in their stationary state."""
     space = process.state_space(rate)
-    if process.stationary or not process.approximate or not process.scale:
+    if not process.scale or process.oscillation() is not None or not np.any(np.linalg.eigvals(space.F)):
         return space
+    if process.stationary or not process.approximate:
+        return StateSpace(F=space.F, Q=space.Q, H=space.H, R=space.R, P0=np.zeros_like(space.P0), m0=space.m0)
     # The last state is the noise within the first sampling interval. The rest of P0 is the variance of the processes.
     within = space.P0[:, -1]
     size = float(within[-1]) or 1.0

@@ -6,12 +6,10 @@ from typing import Any
 
 from dash import Dash, Input, html
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import curves, half_of, plotly_figure, spectra
-from gmwm.applications.app.page.render import changes, draws, restores
-from gmwm.applications.app.page.widgets import choices, graph, of_job
+from gmwm.applications.app.page.widgets import changes, choices, draws, graph, group, of_job, restores
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.workspace import Desk, Workspace
 from gmwm.base.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS
 from gmwm.measuring.spectrum.result import PowerSpectra
@@ -22,14 +20,10 @@ from gmwm.showing.plots.labels import axis_title
 def panel() -> list[Any]:
     """Return the components of the tab."""
     return [
-        html.Div(
-            [
-                choices("view", {"allan": "Allan deviation", "wavelet": "Wavelet variance"}, "allan", "View"),
-                choices(
-                    "curve", {"classical": "classical", "robust": "robust", "both": "both"}, "classical", "Estimate"
-                ),
-            ],
-            className="controls",
+        group(
+            "controls",
+            choices("view", {"allan": "Allan deviation", "wavelet": "Wavelet variance"}, "allan", "View"),
+            choices("curve", {kind: kind for kind in ("classical", "robust", "both")}, "classical", "Estimate"),
         ),
         html.P(id="error-view", className="error", role="alert"),
         html.H2("Curves", className="unseen"),
@@ -65,17 +59,10 @@ def _curves(session: Session, workspace: Workspace, width: float) -> Any:
 def _curve_sections(session: Session, found: tuple[WaveletVariances, ...], width: float) -> list[Any]:
     sections = []
     for sensor, axes in by_sensor(found[0]).items():
-        several = len(found) > 1
-        of = {
-            ", robust" if several and k else "": {axis: curve[axis] for axis in axes} for k, curve in enumerate(found)
-        }
+        of = {", robust" if k else "": {axis: curve[axis] for axis in axes} for k, curve in enumerate(found)}
         title = SENSORS.get(sensor, sensor or "Axes")
-        panel = curves(of, session.view, session.units)
-        sections.append(
-            html.Div(
-                [html.H3(title), graph(plotly_figure(panel, half_of(width)), f"curve-{sensor}", f"{title}: curves")]
-            )
-        )
+        figure = plotly_figure(curves(of, session.view, session.units), half_of(width))
+        sections.append(html.Div([html.H3(title), graph(figure, f"curve-{sensor}", f"{title}: curves")]))
     return sections
 
 
@@ -97,9 +84,6 @@ def _peaks(axes: Any) -> Any:
     peaks = [
         html.Li(f"{axis_title(axis)}: {text}")
         for axis, spectrum in axes.items()
-        for text in (
-            *(line.described(spectrum.unit) for line in spectrum.lines),
-            *(bump.described() for bump in spectrum.bumps),
-        )
+        for text in (*(p.described(spectrum.unit) for p in spectrum.lines), *(p.described() for p in spectrum.bumps))
     ]
     return html.Ul(peaks, className="peaks") if peaks else html.P("No line is found.", className="hint")

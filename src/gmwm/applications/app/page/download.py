@@ -9,12 +9,9 @@ from typing import Any
 
 from dash import Dash, Input, Output, State, ctx, dcc, html, no_update
 
-from gmwm.applications.app.commands import file_name, python_lines, shell_lines
-from gmwm.applications.app.desk import Desk
-from gmwm.applications.app.page.render import changes, draws, restores
-from gmwm.applications.app.page.widgets import button, field, menu, message, of_job
-from gmwm.applications.app.session import EMPTY, Session
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.page.widgets import button, changes, draws, field, group, menu, message, of_job, restores
+from gmwm.applications.app.session import EMPTY, Session, file_name, python_lines, shell_lines
+from gmwm.applications.app.workspace import Desk, Workspace
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.calibration import Calibration
 from gmwm.showing.exporters import export_formats
@@ -27,24 +24,18 @@ def panel() -> list[Any]:
     """Return the components of the tab."""
     formats = {name: title[:1].upper() + title[1:] for name, title in export_formats().items()}
     return [
-        html.Div(
-            [
-                field("Format", menu("format", formats, EMPTY.export), "export"),
-                field("Axes of a sensor", menu("rule", RULE_NAMES, ""), "axes"),
-                button("Download this file", "download", "main"),
-            ],
-            className="fields",
+        group(
+            "fields",
+            field("Format", menu("format", formats, EMPTY.export), "export"),
+            field("Axes of a sensor", menu("rule", RULE_NAMES, ""), "axes"),
+            button("Download this file", "download", "main"),
         ),
         html.P(id="error-download", className="error", role="alert"),
         html.Div(id="preview"),
         html.H2("More files"),
-        html.Div(
-            [
-                button("report.html", "get-report"),
-                button("calibration.json", "get-json"),
-                button("session.json", "get-session"),
-            ],
-            className="controls",
+        group(
+            "controls", button("report.html", "get-report"), button("calibration.json", "get-json"),
+            button("session.json", "get-session"),
         ),
         html.P("session.json reopens this page: open it like a recording.", className="hint"),
         html.H2("The same in a shell"),

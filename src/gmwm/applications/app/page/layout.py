@@ -8,10 +8,9 @@ from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, ctx, dcc, html, no_update
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.page import curves, download, model, numbers, recording
-from gmwm.applications.app.page.render import changes, digest_of, restores
-from gmwm.applications.app.page.widgets import button, choices
+from gmwm.applications.app.page.widgets import button, changes, choices, digest_of, restores
+from gmwm.applications.app.workspace import Desk
 
 TABS = {
     "recording": ("Recording", recording),

@@ -6,16 +6,24 @@ from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual_figure
-from gmwm.applications.app.jobs import SILENT_S
-from gmwm.applications.app.page.render import changes, draws, triggers
-from gmwm.applications.app.page.widgets import button, graph, menu, of_job, remarks, table, text_input
+from gmwm.applications.app.page.widgets import (
+    button,
+    changes,
+    draws,
+    graph,
+    group,
+    menu,
+    of_job,
+    remarks,
+    table,
+    text_input,
+    triggers,
+)
 from gmwm.applications.app.session import Session
-from gmwm.applications.app.terms import adding, held_at, holding, removing, replacing
-from gmwm.applications.app.workspace import Workspace
+from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
 from gmwm.base.axis_names import sensor_of
-from gmwm.base.errors import GmwmError
+from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import p_text, round_fixed
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
@@ -24,7 +32,8 @@ from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, inter
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
-from gmwm.theory.processes import registry
+from gmwm.theory.processes import Model, Process, registry
+from gmwm.theory.processes.parameter import Fixed
 
 
 def panel() -> list[Any]:
@@ -32,25 +41,16 @@ def panel() -> list[Any]:
     terms = {name: f"{name}: {kind.title}" for name, kind in registry.items()}
     return [
         html.Div(id="axes", className="chips", role="group", **{"aria-label": "Axis"}),
-        html.Div(
-            [
-                html.Div(id="terms", className="chips"),
-                menu("term", terms, next(iter(terms))),
-                button("Add", "add"),
-                html.Label("Model", htmlFor="model"),
-                text_input("model", "2*GM + WN + RW"),
-            ],
-            className="terms",
+        group(
+            "terms", html.Div(id="terms", className="chips"), menu("term", terms, next(iter(terms))),
+            button("Add", "add"), html.Label("Model", htmlFor="model"), text_input("model", "2*GM + WN + RW"),
         ),
         html.P(id="error-model", className="error", role="alert"),
-        html.Div(
-            [button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")],
-            className="controls",
-        ),
+        group("controls", button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")),
         html.Div(id="fit"),
         html.H2("Models compared"),
         html.Div(id="ranking"),
-    ]
+    ]  # fmt: skip
 
 
 def register(app: Dash, desk: Desk) -> None:
@@ -275,3 +275,62 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
         return [table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
 
     return of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")
+
+
+def adding(model: str, term: str) -> str:
+    """Return a model with a term added.
+
+    >>> adding("GM + WN", "GM")
+    '2*GM + WN'
+    """
+    processes = (*Model.parse(model).processes, *Model.parse(term).processes)
+    names = [process.name for process in processes]
+    return str(Model(tuple(sorted(processes, key=lambda process: names.index(process.name)))))
+
+
+def removing(fit: Fit, term: str) -> str:
+    """Return the model of a fit without a term."""
+    remaining = tuple(process for name, process in _terms(fit).items() if name != term)
+    if not remaining:
+        raise OptionError(
+            "a model needs at least one term", argument="model", got=term, advice="Add another term first."
+        )
+    return str(Model(remaining))
+
+
+def holding(fit: Fit, parameter: str) -> str:
+    """Return the model of a fit with a parameter held fixed at its estimate. If it was held before, it becomes free."""
+    term, _, name = _parts(fit, parameter)
+    process = _terms(fit)[term]
+    value = None if process.is_fixed(name) else Fixed(fit.parameters[parameter])
+    return replacing(fit, term, process.with_values(**{name: value}))
+
+
+def held_at(fit: Fit, parameter: str, text: str) -> str:
+    """Return the model of a fit with a parameter held fixed at a given value."""
+    term, _, name = _parts(fit, parameter)
+    try:
+        value = float(text)
+    except ValueError:
+        raise OptionError(argument="model", expected=f"a number for {parameter}", got=text) from None
+    return replacing(fit, term, _terms(fit)[term].with_values(**{name: Fixed(value)}))
+
+
+def _parts(fit: Fit, parameter: str) -> tuple[str, str, str]:
+    """Divide the name of a parameter of a fit into term, point and name."""
+    if parameter not in fit.parameters:
+        raise OptionError(argument="model", expected=f"one of {', '.join(fit.parameters)}", got=parameter)
+    return parameter.rpartition(".")
+
+
+def replacing(fit: Fit, term: str, process: Process) -> str:
+    """Return the model of a fit with the process of a term replaced."""
+    return str(Model(tuple((_terms(fit) | {term: process}).values())))
+
+
+def _terms(fit: Fit) -> dict[str, Process]:
+    """Return the processes of a fit by term, with values for the held parameters only."""
+    return {
+        term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+    }

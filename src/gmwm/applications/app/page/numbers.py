@@ -8,24 +8,25 @@ from typing import Any, Literal
 
 from dash import Dash, Input, State, dcc, html
 
-from gmwm.applications.app.commands import number
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import half_of, plotly_figure
-from gmwm.applications.app.page.render import changes, draws, restores
 from gmwm.applications.app.page.widgets import (
     button,
     by_severity,
+    changes,
     choices,
+    draws,
     field,
     graph,
+    group,
     of_job,
+    restores,
     table,
     text_input,
 )
-from gmwm.applications.app.session import Session
-from gmwm.applications.app.workspace import Workspace
-from gmwm.applications.navigation.plot import budget_figure
-from gmwm.applications.navigation.summary_text import headline
+from gmwm.applications.app.session import Session, number
+from gmwm.applications.app.workspace import Desk, Workspace
+from gmwm.applications.navigation.plot import plot_budget
+from gmwm.applications.navigation.result import headline
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
@@ -35,9 +36,9 @@ from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
 from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.showing.plots.figure import description
 from gmwm.showing.reports.figures import sensor_panel
-from gmwm.showing.reports.filter_tables import filter_tables
-from gmwm.showing.reports.verdict import state_of
+from gmwm.showing.reports.verdict import filter_tables, state_of
 
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 HORIZONS = {-2: "10 ms", -1: "0.1 s", 0: "1 s", 1: "10 s", 2: "100 s", 3: "1000 s"}
@@ -49,42 +50,22 @@ def panel() -> list[Any]:
     """Return the components of the tab."""
     robust = {"auto": "where a test finds outliers", "yes": "everywhere", "no": "nowhere"}
     return [
-        html.Div(
-            [
-                choices("robust", robust, "auto", "Robust estimate"),
-                field("Confidence", text_input("confidence", value="0.95"), "confidence"),
-            ],
-            className="controls",
+        group(
+            "controls", choices("robust", robust, "auto", "Robust estimate"),
+            field("Confidence", text_input("confidence", value="0.95"), "confidence"),
         ),
         html.Div(id="numbers"),
         html.H2("For another horizon of the filter"),
         html.P("N and K that replace the whole model between two corrections from other sensors.", className="hint"),
-        html.Div(
-            [
-                html.Div(
-                    [
-                        html.Span("Horizon", id="label-horizon"),
-                        dcc.Slider(
-                            id="horizon", min=-2, max=3, step=0.05, value=0, marks=HORIZONS, allow_direct_input=False,
-                        ),
-                    ]
-                ),
-                html.Div(
-                    [
-                        html.Span("Inflation", id="label-inflation"),
-                        dcc.Slider(
-                            id="inflation", min=1, max=20, step=0.5, value=1, marks=INFLATIONS,
-                            allow_direct_input=False,
-                        ),
-                    ]
-                ),
-            ],
-            className="sliders",
+        group(
+            "sliders",
+            _slider("Horizon", min=-2, max=3, step=0.05, value=0, marks=HORIZONS),
+            _slider("Inflation", min=1, max=20, step=0.5, value=1, marks=INFLATIONS),
         ),
         html.P(id="error-horizon", className="error", role="alert"),
         html.Div(id="effective"),
         html.H2("Unaided navigation"),
-        html.Div(field("Time without corrections", text_input("duration", value="60s"), "duration"), className="span"),
+        group("span", field("Time without corrections", text_input("duration", value="60s"), "duration")),
         html.Div(id="budget"),
         html.H2("Compare with a datasheet"),
         html.Label("Values of the manufacturer, one a line", htmlFor="reference"),
@@ -95,12 +76,15 @@ def panel() -> list[Any]:
     ]  # fmt: skip
 
 
+def _slider(title: str, **scale: Any) -> Any:
+    slider = dcc.Slider(id=title.lower(), allow_direct_input=False, **scale)
+    return html.Div([html.Span(title, id=f"label-{title.lower()}"), slider])
+
+
 def register(app: Dash, desk: Desk) -> None:
     """Register the callbacks of the tab."""
-    draws(app, desk, tab="numbers", place="numbers", draw=_numbers)
-    draws(app, desk, tab="numbers", place="effective", draw=_effective)
-    draws(app, desk, tab="numbers", place="budget", draw=_budget)
-    draws(app, desk, tab="numbers", place="against", draw=_against)
+    for place, draw in (("numbers", _numbers), ("effective", _effective), ("budget", _budget), ("against", _against)):
+        draws(app, desk, tab="numbers", place=place, draw=draw)
 
     def navigate(session: Session, text: str | None) -> Session:
         return session.with_(duration=parse_length(text or "", "duration"))
@@ -228,7 +212,7 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
         budget = found.budget(session.duration, level=session.confidence)
         figures = [
             graph(plotly_figure(panel, half_of(width), 260, title=True), {"type": "budget", "number": k}, panel.title)
-            for k, panel in enumerate(budget_figure(budget).panels)
+            for k, panel in enumerate(description(plot_budget)(budget).panels)
         ]
         return [html.P(headline(budget), className="facts"), html.Div(figures, className="grid")]
 

@@ -6,24 +6,26 @@ from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, ctx, html, no_update
 
-from gmwm.applications.app.commands import number
-from gmwm.applications.app.desk import Desk
 from gmwm.applications.app.figures import Drawn, traces, with_spans
-from gmwm.applications.app.page.render import changes, draws, restores, triggers
 from gmwm.applications.app.page.widgets import (
     button,
+    changes,
+    draws,
     failure,
     field,
     graph,
+    group,
     menu,
     message,
     of_job,
     remarks,
+    restores,
     table,
     text_input,
+    triggers,
 )
-from gmwm.applications.app.session import Session
-from gmwm.applications.app.workspace import Workspace, shown_times
+from gmwm.applications.app.session import Session, number
+from gmwm.applications.app.workspace import Desk, Workspace, shown_times
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
@@ -49,35 +51,25 @@ FIELD_OF = {
 def panel() -> list[Any]:
     """Return the components of the tab."""
     return [
-        html.Div(
-            [
-                html.Label("File", htmlFor="path"),
-                text_input("path", "static.csv"),
-                button("Open", "open", "main"),
-                html.P("or drop a file here", className="hint"),
-            ],
-            id="drop", className="open",
+        group(
+            "open", html.Label("File", htmlFor="path"), text_input("path", "static.csv"),
+            button("Open", "open", "main"), html.P("or drop a file here", className="hint"), id="drop",
         ),
         html.P(id="error-file", className="error", role="alert"),
         html.Details([html.Summary("Files in the folder"), html.Div(id="entries")], id="browse"),
         html.Details([html.Summary("How to read the file"), html.Div(_options(), className="fields")], id="reading"),
         html.Div(id="verdict"),
-        html.Div(
-            [
-                html.P("Drag over a figure to mark a span, or type its ends.", className="hint"),
-                html.Div(
-                    [
-                        field("From", text_input("span-from", "20min"), "start"),
-                        field("To", text_input("span-to", "25min"), "stop"),
-                        button("Skip this span", "skip"),
-                        button("Keep only this span", "keep"),
-                    ],
-                    className="span",
-                ),
-                html.P(id="error-skip", className="error", role="alert"),
-                html.Div(id="spans", className="chips"),
-            ],
-            id="cut", className="cut",
+        group(
+            "cut",
+            html.P("Drag over a figure to mark a span, or type its ends.", className="hint"),
+            group(
+                "span", field("From", text_input("span-from", "20min"), "start"),
+                field("To", text_input("span-to", "25min"), "stop"),
+                button("Skip this span", "skip"), button("Keep only this span", "keep"),
+            ),
+            html.P(id="error-skip", className="error", role="alert"),
+            html.Div(id="spans", className="chips"),
+            id="cut",
         ),
         html.Div(id="traces", className="grid"),
     ]  # fmt: skip

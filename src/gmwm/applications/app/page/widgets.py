@@ -1,16 +1,20 @@
-"""Components that several tabs use: fields with errors, lists of remarks, tables, figures, and states of jobs."""
+"""Components that several tabs use, and functions that register callbacks for them."""
 
 from __future__ import annotations
 
+import hashlib
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from dash import dcc, html
+from dash import Dash, Input, Output, State, ctx, dcc, html, no_update
+from dash.exceptions import PreventUpdate
+from plotly.io.json import to_json_plotly
 
 from gmwm.applications.app.figures import Drawn
-from gmwm.applications.app.jobs import SILENT_S, Job
+from gmwm.applications.app.session import Session
+from gmwm.applications.app.workspace import SILENT_S, Desk, Job, Workspace
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, Remark, texts, with_groups
 from gmwm.showing.reports.verdict import state_of
@@ -20,16 +24,15 @@ WORDS = {"bad": "Do not use", "look": "Read first", "good": "Note"}
 MARKS = {"bad": "✗", "look": "!", "good": "·"}
 
 
-def field(label: str, control: Any, name: str, hint: str = "") -> Any:
+def group(kind: str, *parts: Any, **more: Any) -> Any:
+    """Return components together, with the CSS class `kind`."""
+    return html.Div(list(parts), className=kind, **more)
+
+
+def field(label: str, control: Any, name: str) -> Any:
     """Return a control with its label and an empty element for its error message."""
-    return html.Div(
-        [
-            html.Label([html.Span(label), control]),
-            html.Small(hint) if hint else None,
-            html.P(id=f"error-{name}", className="error", role="alert"),
-        ],
-        className="field",
-    )
+    error = html.P(id=f"error-{name}", className="error", role="alert")
+    return group("field", html.Label([html.Span(label), control]), error)
 
 
 def text_input(name: Any, placeholder: str = "", value: str = "") -> Any:
@@ -72,18 +75,11 @@ def table(head: Sequence[Any], rows: Iterable[Sequence[Any]], kind: str = "") ->
 
 def remarks(found: Iterable[Remark], most: int = 6) -> Any:
     """Return a list of remarks, the most severe first. If there are more than `most`, the others are folded."""
-    points = [
-        html.Li(
-            [
-                html.Span(MARKS[state], className="mark", title=WORDS[state]),
-                html.Span(text),
-                html.Span(group[0].code, className="code"),
-            ],
-            className=state,
-        )
-        for group, text in with_groups(found, Dialect.SHELL)
-        for state in [state_of(group[0])]
-    ]
+    points = []
+    for alike, text in with_groups(found, Dialect.SHELL):
+        state, code = state_of(alike[0]), html.Span(alike[0].code, className="code")
+        mark = html.Span(MARKS[state], className="mark", title=WORDS[state])
+        points.append(html.Li([mark, html.Span(text), code], className=state))
     if len(points) <= most + 1:
         return html.Ul(points, className="points")
     more = html.Details([html.Summary(f"{len(points) - most} more"), html.Ul(points[most:], className="points")])
@@ -102,9 +98,9 @@ def by_severity(found: Iterable[Remark]) -> Any:
         groups[state_of(remark)].append(remark)
     parts = []
     for state, title in titles.items():
-        if group := groups[state]:
-            head = html.Summary([html.Span(MARKS[state], className="mark"), f" {title} ({len(texts(group))})"])
-            parts.append(html.Details([head, remarks(group, len(group))], open=state == "bad", className=state))
+        if alike := groups[state]:
+            head = html.Summary([html.Span(MARKS[state], className="mark"), f" {title} ({len(texts(alike))})"])
+            parts.append(html.Details([head, remarks(alike, len(alike))], open=state == "bad", className=state))
     return html.Div(parts)
 
 
@@ -139,3 +135,100 @@ def message(error: Exception | None) -> str:
     if error is not None:
         traceback.print_exception(error, file=sys.stderr)
     return f"gmwm has a bug: {type(error).__name__}: {error}. The terminal shows where."
+
+
+Draw = Callable[[Session, Workspace, float], Any]
+"""Function that returns the content of a page element from session, workspace and page width (CSS pixels)."""
+
+
+def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
+    """Register a callback that draws the element `place` of a tab whenever the session, a result or the width changes.
+
+    The page stores a digest of the content of the element. Unchanged content is not sent again, because a click would
+    be lost if the button were replaced at the same moment.
+    """
+    desk.places.append(place)
+
+    def draw_place(data: Any, _: int, shown: str, width: float, page: str, digest: str | None) -> tuple[Any, Any]:
+        if shown != tab:
+            raise PreventUpdate
+        try:
+            session = desk.session(data)
+            content = draw(session, desk.workspace(page), width) if session.file else _closed(place)
+        except Exception as error:
+            content = failure(error)
+        new = hashlib.sha256(str(to_json_plotly(content)).encode()).hexdigest()
+        return (no_update, no_update) if new == digest else (content, new)
+
+    app.callback(
+        Output(place, "children"), Output(digest_of(place), "data"), Input("session", "data"),
+        Input("revision", "data"), Input("tab", "data"), Input("width", "data"), State("page", "data"),
+        State(digest_of(place), "data"),
+    )(draw_place)  # fmt: skip
+
+
+def _closed(place: str) -> Any:
+    """Return what a page element shows while no recording is open. Each tab has one text."""
+    if place not in ("curves", "fit", "numbers", "preview"):
+        return []
+    return html.P("No recording is open. Open one in the tab Recording.", className="waiting")
+
+
+def digest_of(place: str) -> str:
+    """Return the name of the store that contains the digest of a page element."""
+    return f"{place}-digest"
+
+
+def restores(app: Dash, desk: Desk, fields: Sequence[str], values: Callable[[Session], Sequence[Any]]) -> None:
+    """Register a callback that sets fields to the values of a session when the session is opened."""
+    app.callback([Output(name, "value") for name in fields], Input("restored", "data"), State("session", "data"))(
+        lambda _, data: list(values(desk.session(data)))
+    )
+
+
+def triggers() -> list[tuple[Any, str, Any]]:
+    """Return component, property and new value of each input that triggered the callback. There can be several."""
+    names = ctx.triggered_prop_ids
+    return [
+        (names[trigger["prop_id"]], trigger["prop_id"].rpartition(".")[2], trigger["value"])
+        for trigger in ctx.triggered
+    ]
+
+
+Change = Callable[..., Session | None]
+"""Function that returns the new session from the session and the values of the inputs and states. It returns None if
+the user did nothing, because a component was only created."""
+
+
+def changes(
+    app: Dash, desk: Desk, inputs: Sequence[Any], change: Change, *, states: Sequence[Any] = (),
+    errors: Sequence[str] = (),
+) -> None:  # fmt: skip
+    """Register a callback that changes the session when one of the inputs changes.
+
+    If the change raises an error, the session is not changed. The error is shown beside the field of its argument, or
+    beside the first of the fields `errors`.
+    """
+
+    def apply_change(*given: Any) -> list[Any]:
+        *values, data, page = given
+        workspace, shown = desk.workspace(page), dict.fromkeys(errors, "")
+        with workspace.lock:
+            session = workspace.session or desk.session(data)
+            try:
+                new = change(session, *values)
+                if new is None:
+                    shown = dict.fromkeys(errors, no_update)
+                workspace.session = session = new or session
+            except (GmwmError, OSError) as error:
+                argument = getattr(error, "argument", None) or getattr(error, "prefix", "")
+                shown[str(argument) if argument in shown else errors[0]] = message(error)
+        # The page ignores a response if it has sent a newer request. So each response contains the whole session.
+        current = session.to_dict()
+        return [no_update if current == data else current, *shown.values()]
+
+    app.callback(
+        Output("session", "data", allow_duplicate=True),
+        *(Output(f"error-{name}", "children", allow_duplicate=True) for name in errors),
+        *inputs, *states, State("session", "data"), State("page", "data"), prevent_initial_call=True,
+    )(apply_change)  # fmt: skip
