@@ -26,6 +26,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.oscillator import name_in_text
 from gmwm.theory.processes.walk import RW
 
 if TYPE_CHECKING:
@@ -300,7 +301,7 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     power of an oscillation is named by its frequency, as in tables."""
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
-        f"{term}.{process.scale_parameter().name}": process.name_in_text(term)
+        f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
         if process.oscillation() is not None
     }

@@ -28,6 +28,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.oscillator import name_in_text
 from gmwm.theory.processes.parameter import Physical
 
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "numbers_at", "with_limits"]
@@ -198,7 +199,7 @@ def _beside(entry: Entry, entries: list[Entry]) -> Entry:
 
 def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry], Remark | None]:
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
-    wv, name = judged.fit.wavelet_variance, process.name_in_text(term)
+    wv, name = judged.fit.wavelet_variance, name_in_text(term, process)
     if process.scale == 0 and free_shape(process):
         return [], Remark.of("no-number", wv.axis, case="term", term=name, because="zero", process="")
     if other := judged.fit.diagnostics.acts_as.get(term):

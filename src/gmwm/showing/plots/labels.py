@@ -14,6 +14,7 @@ from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, parse_unit
 from gmwm.showing.plots.axes import number_text
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
@@ -82,7 +83,7 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     >>> term_label("SIN", SIN(frequency=0.7, power=2e-8), view, rate=100.0)
     'line 0.7 Hz: A = 2×10⁻⁴ rad/s'
     """
-    name = process.name_in_text(term)
+    name = name_in_text(term, process)
     texts = [
         _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
         for p in process.parameters[name != term : 2]
@@ -104,7 +105,7 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     >>> datasheet_label("AR(2)", AR(phi=[0.59, -0.9], sigma2=1e-7), "rad/s", rate=100.0)
     'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
     """
-    name = process.name_in_text(term)
+    name = name_in_text(term, process)
     numbers = process.physical(rate)[name != term :]
     # The frequency of a sinusoid needs no symbol, but the bandwidth of a noise process does.
     named = any(number.signal_power and number.time_power for number in numbers)

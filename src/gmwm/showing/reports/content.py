@@ -33,6 +33,7 @@ from gmwm.showing.reports.figures import (
     spectrum_pictures,
 )
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -346,7 +347,7 @@ def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     units = fit.units()
     rows = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
-        of_frequency = f" of {shown}" if (shown := process.name_in_text(term)) != term else ""
+        of_frequency = f" of {shown}" if (shown := name_in_text(term, process)) != term else ""
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             nothing = name in fit.undetermined

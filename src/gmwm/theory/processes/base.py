@@ -21,7 +21,6 @@ from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.base.guests import admit_guests
 from gmwm.base.remarks import Remark
-from gmwm.base.text import round_text
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes import circulant_embedding, filtered
@@ -113,8 +112,6 @@ class Process(HaarTheory, ABC):
     """Full name, such as "Gauss-Markov process"."""
     parameters: ClassVar[tuple[Parameter, ...]]
     """Parameters, in the order of the fields."""
-    periodic_name: ClassVar[str] = "oscillation"
-    """Word for a term of this process in texts, if `oscillation` has a frequency."""
     repeatable: ClassVar[bool] = False
     """Whether a sum can contain several terms of this process. The terms must differ in a shape parameter."""
     stationary: ClassVar[bool] = True
@@ -451,19 +448,6 @@ class Process(HaarTheory, ABC):
     def oscillation(self) -> float | None:
         """Return the frequency (Hz) of a process that is nearly periodic; None for noise. N, K and B describe noise."""
         return None
-
-    def name_in_text(self, term: str) -> str:
-        """Return the name of a term of this process for readers. A nearly periodic process is named by its frequency,
-        and not by its number in the model.
-
-        >>> from gmwm.processes import OSC, SIN, WN
-        >>> OSC(frequency=0.5643, quality=90.0, sigma2=1.0).name_in_text("OSC[2]"), WN().name_in_text("WN")
-        ('oscillation 0.564 Hz', 'WN')
-        >>> SIN(frequency=50.0, power=1.0).name_in_text("SIN")
-        'line 50 Hz'
-        """
-        frequency = self.oscillation() if self.is_complete else None
-        return term if frequency is None else f"{self.periodic_name} {round_text(frequency, 3)} Hz"
 
     def mean(self, t: ArrayLike) -> Vector:
         """Return the mean (u) at sample numbers t; it is 0 for every process except a drift."""

@@ -48,7 +48,6 @@ class SIN(Process):
 
     name = "SIN"
     title = "Sinusoid"
-    periodic_name = "line"
     parameters = (
         Parameter("frequency", "f₀", "frequency", time_power=-1, unit_name="Hz"),
         Parameter("power", "P", "mean square", signal_power=2, scale_power=1),
