@@ -32,7 +32,7 @@ from validation.legend import legend
 
 NAME = "sensors"
 SEED = 20261212
-REPEATS = 40
+REPEATS = 20
 REDUCED = ("base", "flicker-weak", "agree-20s")
 ACCEPTED = 0.01
 """p-value of the goodness-of-fit test below which a model counts as rejected."""

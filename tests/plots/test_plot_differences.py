@@ -12,8 +12,8 @@ from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.fitting.inference import noise_against
 from gmwm.measuring.variance.pooling import pool
-from gmwm.showing.plots.differences import plot_differences
 from gmwm.showing.plots.figure import description
+from gmwm.showing.plots.results import plot_differences
 from tests.helpers import raises
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}

@@ -15,7 +15,7 @@ from gmwm.showing.plots.allan import _axis_with, allan_panel, avlr_panel
 from gmwm.showing.plots.figure import description
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.likelihood import tracks_figure
-from gmwm.showing.plots.plan import plan_panel
+from gmwm.showing.plots.results import plan_panel
 from gmwm.showing.plots.series import plot_recording, signal_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 

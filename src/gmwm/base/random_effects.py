@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.lazy import scipy
 
 _NODES = 48
 """Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
@@ -78,10 +79,10 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
     """Return the Q-profile limits of τ²; `freedom` are the degrees of freedom of dependent numbers, such as axes of a
     unit."""
-    from scipy.special import gammaincinv
-
     many, free = _freedom(x, freedom)
-    ends = (2 * gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2))
+    ends = (
+        2 * scipy.special.gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2)
+    )
     low, high = (between_units(x, s2, target=end) for end in ends)
     return low, high
 
@@ -119,13 +120,11 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
     """Yield the mean and the spread at each node of the confidence distribution of τ², which has the weights
     `_SHARES`."""
-    from scipy.special import gammaincinv
-
     many, free = _freedom(x, freedom)
     start = None
     # The quantiles of χ² decrease from node to node, so τ² increases, and each search starts at the last solution.
     for node in (1 + _LEGENDRE[0][::-1]) / 2:
-        start = between_units(x, s2, target=2 * gammaincinv(free / 2, node) * many / free, start=start)
+        start = between_units(x, s2, target=2 * scipy.special.gammaincinv(free / 2, node) * many / free, start=start)
         yield effects(x, s2, spread2=start)
 
 
@@ -137,11 +136,9 @@ def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:
 
 def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) -> Vector:
     """Return a quantile of a mixture of k normal distributions, given in arrays (k, …), by bisection."""
-    from scipy.special import ndtr
-
     low, high = np.min(means - 12 * sizes, axis=0), np.max(means + 12 * sizes, axis=0)
     for _ in range(60):
         middle = (low + high) / 2
-        below = np.tensordot(weights, ndtr((middle - means) / sizes), axes=1) < share
+        below = np.tensordot(weights, scipy.special.ndtr((middle - means) / sizes), axes=1) < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray((low + high) / 2)

@@ -20,7 +20,7 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.selection import Ranking
-from gmwm.choosing.selection.search_steps import SearchStep
+from gmwm.choosing.selection.ranking import SearchStep
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.model_error import RelativeMisfit

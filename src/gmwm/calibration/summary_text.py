@@ -18,7 +18,7 @@ from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
 from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
-from gmwm.choosing.selection.search_steps import search_lines
+from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
     lines: list[str] = []
     verdicts = calibration.number_verdicts
     for sensor, axes in by_sensor(calibration.axes).items():
-        lines += [*([""] if lines else []), *_axes_table(SENSORS.get(sensor, sensor or "Axes"), axes, verdicts)]
+        lines += [*([""] if lines else []), *_axes_table(sensor.capitalize() or "Axes", axes, verdicts)]
     for axis, reason in calibration.failed.items():
         lines.append(f"{axis}  ✗ not calibrated: {reason}"[:TEXT_WIDTH])
     return lines
@@ -74,47 +74,48 @@ def _axes_table(
     title: str, axes: Mapping[str, AxisCalibration], verdicts: Mapping[str, Mapping[str, NumberVerdict]]
 ) -> list[str]:
     symbols = main_symbols(axes)
-    rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items()), "model"]]
-    long = max(map(len, axes)) > len("Accelerometers")
+    head = [title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items())]
+    long = max(map(len, axes)) > len("accel_x") + 7
+    rows = [head]
     for axis, result in axes.items():
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
-        rows.append(["" if long else axis, *cells, model_words(result.fit.model)])
-    spare = TEXT_WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
-    head_row, *axis_rows = rows
-    rows, counts = [head_row], []
-    for row in axis_rows:
-        first, *more = _broken(row[-1], spare)
-        rows += [[*row[:-1], first], *([*[""] * len(row[:-1]), part] for part in more)]
-        counts.append(1 + len(more))
-    head, rule, *lines = table_with_rule(rows)
-    if max(map(len, lines)) > TEXT_WIDTH:
-        head, rule, *lines = table_with_rule([row[:-1] for row in (head_row, *axis_rows)])
-        counts = [1] * len(axis_rows)
+        rows.append(["" if long else axis, *cells])
+    spare = TEXT_WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(head))) - 2
+    if spare >= len("99 terms"):
+        words = ["model", *_fitting_words([result.fit.model for result in axes.values()], spare)]
+        rows = [[*row, word] for row, word in zip(rows, words, strict=True)]
+    head_line, rule, *lines = table_with_rule(rows)
     if long:
-        ends = list(accumulate(counts))
-        lines = [
-            line for axis, count, end in zip(axes, counts, ends, strict=True)
-            for line in (f"  {axis}"[:TEXT_WIDTH], *lines[end - count : end])
-        ]  # fmt: skip
-    return [head, rule, *lines]
+        lines = [part for axis, line in zip(axes, lines, strict=True) for part in (f"  {axis}"[:TEXT_WIDTH], line)]
+    return [head_line, rule, *lines]
 
 
-def _broken(words: str, width: int) -> list[str]:
-    """Break a model between its terms into lines of a width.
+def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
+    """Describe models in the words of `model_words`, or in their notation if the width is too small. Models for which
+    it is still too small are described by their first terms.
 
-    >>> _broken("2*GM+WN+RW+1 oscillation+3 lines", 12)
-    ['2*GM+WN+RW+', '1 osc.+', '3 lines']
+    >>> from gmwm import Model
+    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
+    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
+    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
     """
-    if len(words) <= width:
-        return [words]
-    terms = words.replace("oscillation", "osc.").replace("osc.s", "osc.").split("+")
-    lines = [""]
-    for k, term in enumerate(terms):
-        part = term if k == len(terms) - 1 else f"{term}+"
-        if lines[-1] and len(lines[-1]) + len(part) > width:
-            lines.append("")
-        lines[-1] += part
-    return lines
+    words = [model_words(model) for model in models]
+    short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
+    for forms in (words, short):
+        if max(map(len, forms)) <= width:
+            return forms
+    return [_notation(model, width) for model in models]
+
+
+def _notation(model: Model, width: int) -> str:
+    names = Counter(process.name.partition("(")[0] for process in model.processes)
+    parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
+    rest = [*list(accumulate(reversed(names.values())))[::-1], 0]
+    for k in range(len(parts), 0, -1):
+        text = "+".join([*parts[:k], *([f"{rest[k]} more"] if rest[k] else [])])
+        if len(text) <= width:
+            return text
+    return f"{rest[0]} terms"
 
 
 def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:

@@ -64,7 +64,12 @@ def number(entry: Entry) -> str:
         return round_text(value, 3)
     below, above, half = (100 * part / abs(value) for part in (value - low, high - value, half))
     if max(below, above) > 2 * min(below, above):
-        return f"{round_text(value, 3)} +{round_text(above)}/−{round_text(below)} %"
+        # Both parts have the decimals of the larger one.
+        decimals = max(0, 1 - math.floor(math.log10(max(below, above))))
+        upper, lower = (
+            f"{part:.{decimals}f}" if round(part, decimals) else round_text(part, 1) for part in (above, below)
+        )
+        return f"{round_text(value, 3)} +{upper}/−{lower} %"
     return f"{round_text(value, 3)} ± {round_text(half)} %"
 
 

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
-SAMPLES = 720_000
-"""Two hours at 100 Hz."""
+SAMPLES = 720_000  # two hours at 100 Hz
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 

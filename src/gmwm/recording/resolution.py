@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
+from gmwm.base.lazy import scipy
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def step_of(sample: Vector) -> float | None:
     return lattice
 
 
-def _without_rounding(levels: Vector, counts: NDArray[np.int64]) -> tuple[Vector, NDArray[np.int64]]:
+def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integers]:
     """Join levels that differ only by the rounding of float64. Differences of a counter that was multiplied by the size
     of a count have such levels."""
     steps = np.diff(levels)
@@ -241,11 +241,9 @@ def before_rounding(runs: list[Vector], step: float) -> float:
 
 def _log_likelihood(values: Vector) -> Vector:
     """Return the log-likelihood of rounded values (in steps) for each of `_SPREADS`, maximised over the mean."""
-    from scipy.special import ndtr
-
     start = values[0]
     cells, counts = np.unique(np.round(values - start), return_counts=True)
     means = np.mean(values - start) + _PLACES
     upper = (cells + 0.5 - means[:, None]) / _SPREADS[:, None, None]
-    probability = ndtr(upper) - ndtr(upper - 1 / _SPREADS[:, None, None])
+    probability = scipy.special.ndtr(upper) - scipy.special.ndtr(upper - 1 / _SPREADS[:, None, None])
     return np.asarray(np.max(np.log(np.maximum(probability, LIMITS.least_probability)) @ counts, axis=1))

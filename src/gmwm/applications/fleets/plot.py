@@ -7,12 +7,13 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.applications.fleets.result import Fleet
 from gmwm.applications.fleets.statistics import FleetSamples, ParameterSample
+from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
@@ -35,10 +36,6 @@ from gmwm.showing.plots.figure import (
 )
 from gmwm.showing.plots.labels import sensor_and_letter, sensor_title
 from gmwm.showing.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
-
-if TYPE_CHECKING:
-    from gmwm.applications.fleets.result import Fleet
-    from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
 """Largest number of units drawn as dots with intervals, not as a curve. Pinned by tests/plots/test_plot_fleet.py."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.axis import MonitoredAxis, Stillness
+from gmwm.applications.monitor.axis import NAMING_S, Event, Fault, MonitoredAxis, Stillness, naming_time
 from gmwm.applications.monitor.baseline import (
     Baseline,
     as_every,
@@ -21,7 +21,6 @@ from gmwm.applications.monitor.baseline import (
     remarks_of,
 )
 from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
-from gmwm.applications.monitor.events import NAMING_S, Event, Fault, naming_time
 from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.axis_names import AXES, axis_quantity

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.arrays import Booleans, FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import OptionError
 from gmwm.base.frames import Tabular
@@ -60,7 +59,7 @@ class Growth(FrozenArrays):
         return bool(np.all(self.low == self.high))
 
     @property
-    def upper_only(self) -> NDArray[np.bool_]:
+    def upper_only(self) -> Booleans:
         """Mask (T,) of the times at which the error has only an upper limit, `high`."""
         return np.asarray((self.low == 0) & (self.high > 0))
 

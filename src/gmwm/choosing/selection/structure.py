@@ -9,8 +9,8 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gmwm.base.arrays import Booleans
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
@@ -166,7 +166,7 @@ def consists_of(whole: Counter[str], part: Counter[str]) -> bool:
     return True
 
 
-def containing(structures: Sequence[Counter[str]]) -> NDArray[np.bool_]:
+def containing(structures: Sequence[Counter[str]]) -> Booleans:
     """Return for each pair of structures (whole, part) what `of_lower_order(part, whole)` returns, an array (n, n).
 
     >>> containing([Counter({"GM": 1, "WN": 1}), Counter({"WN": 1})])

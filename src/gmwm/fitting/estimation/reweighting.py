@@ -159,13 +159,18 @@ def _iterate(
             best, weights, change, expected = result
             problem = problem.under(np.diag(weights))
             return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
-    ahead, implied = _Ahead(), _implied_curve(problem, solution, wv)
+    ahead, implied, poor_start = _Ahead(), _implied_curve(problem, solution, wv), weighting == "optimal"
     history: list[float] = []
     for _ in range(rounds):
         check_stop()
         try:
             matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
         except (MissingTheoryError, ModelError) as error:
+            if poor_start and isinstance(error, ModelError):
+                # The weights of a poor first estimate led to a model without noise.
+                problem, poor_start = problem.under(_weights_of_the_data(weighting, wv, design)), False
+                solution, ahead = solve(problem, certify=False), _Ahead()
+                continue
             if weighting == "optimal":
                 raise
             return _Iterated(problem, solution, reason=error.reason)

@@ -38,10 +38,8 @@ from gmwm.theory.processes.model import Model
 MOST_SEARCHES = 3
 """Largest number of repeated searches (tests/estimation/test_arma_fits.py: two lines are both found)."""
 
-DESCENT_STARTS = 10
-"""Number of points of a scan from which descents start."""
-FOLLOWED_DESCENTS = 3
-"""Number of descents that are followed to the end."""
+DESCENT_STARTS = 10  # number of points of a scan from which descents start
+FOLLOWED_DESCENTS = 3  # number of descents that are followed to the end
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Booleans, Vector
 from gmwm.measuring.covariance.api import ratio_variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
@@ -14,7 +13,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import ModelLike, as_model
 
 
-def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
+def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | None) -> Vector:
     """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels in `tested`, for the classical ν̂²
     and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
     if not np.any(tested):

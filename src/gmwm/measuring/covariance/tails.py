@@ -23,6 +23,7 @@ import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.open_segments import LEAST_PANEL_SAMPLES, Panels
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
@@ -173,7 +174,7 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
     True
     """
-    haar = wv.without_lags
+    haar = wv if wv.without_lags is wv else wavelet_variance(x)
     sums = TailSums(LIMITS.block if haar is wv else LIMITS.block_with_lags)
     for segment in x.segment_values():
         sums.update(segment)

@@ -23,7 +23,7 @@ from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics
 from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
-from gmwm.measuring.inspection.motion import motion_of
+from gmwm.measuring.inspection.motion import level_change, motion_of
 from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.saturation import Ends, Saturation, saturation_of
@@ -237,11 +237,20 @@ class RecordingStatistics:
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         motions = findings.of_motion(motion, tilt if turned else None, knocks)
+        coarse = {
+            axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
+        }
+        clipped = {item.axis for item in saturations}
+        levels = {
+            axis: change
+            for axis in moving - coarse - clipped
+            if (change := level_change(statistics[axis], motion, extent)) is not None
+        }
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
-            *findings.of_steps(steps),
+            *findings.of_steps(steps), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
             *findings.of_gravity(None if parts else gravity),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
+from gmwm.base.lazy import scipy
 from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
 from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -40,8 +41,6 @@ def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Li
     are narrower than the resolution too: their flanks are visible far from the peak, where a sinusoid has none.
     `others` are peaks whose surroundings are left out.
     """
-    from scipy.optimize import least_squares
-
     spacing = spectrum.rate / spectrum.length
     reach = min(max(_BINS * spacing, _WIDTHS * peak.width), 0.8 * peak.frequency)
     used = np.abs(spectrum.frequencies - peak.frequency) <= reach
@@ -75,8 +74,8 @@ def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Li
     top = float(density.max())
     damping = max(math.pi * peak.width * block, 0.3)
     start = np.array([math.log(level), 0.0, math.log(max(top, 2 * level) * (1 + damping)), 0.0])
-    sinusoid = least_squares(residuals, start, method="lm", max_nfev=300, args=(_SINUSOID,))
-    fit = least_squares(residuals, np.append(start, math.log(damping)), method="lm", max_nfev=300)
+    sinusoid = scipy.optimize.least_squares(residuals, start, method="lm", max_nfev=300, args=(_SINUSOID,))
+    fit = scipy.optimize.least_squares(residuals, np.append(start, math.log(damping)), method="lm", max_nfev=300)
     if not fit.success or 2 * float(sinusoid.cost - fit.cost) < _GAIN:
         return None
     damping = math.exp(min(fit.x[4], 25.0)) + _SINUSOID

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Integers, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.plotting import Plotted
@@ -61,11 +60,11 @@ class ClusterVariance(Documented, Summarised, Plotted):
 
     family: Family
     kind: Kind
-    clusters: NDArray[np.int64]
+    clusters: Integers
     variance: Vector
     lower: Vector
     upper: Vector
-    counts: NDArray[np.int64]
+    counts: Integers
     degrees_of_freedom: Vector
     noise: tuple[str, ...]
     rate: float

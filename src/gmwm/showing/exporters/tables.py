@@ -7,25 +7,22 @@ import io
 import json
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.axis_names import by_sensor
 from gmwm.base.documents import plain
 from gmwm.base.errors import DataError
 from gmwm.base.text import version
 from gmwm.base.units import SI_UNIT, find_unit, noise_unit
+from gmwm.calibration import Calibration
+from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order, number
+from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.reduction import axis_noise
 from gmwm.showing.exporters.statespace import axis_matrices, has_matrices
 from gmwm.showing.exporters.text import checksums, commented, paragraphs, recording
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.calibration.result import AxisCalibration
-    from gmwm.choosing.datasheets import Entry
-
 
 _ABOUT = (
     "Continuous-time numbers of each axis, without inflation. N and K: of a filter that predicts 1 s; the numbers with "

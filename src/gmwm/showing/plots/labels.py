@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -14,12 +14,9 @@ from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, parse_unit
 from gmwm.showing.plots.axes import number_text
+from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.oscillator import name_in_text
-
-if TYPE_CHECKING:
-    from gmwm.theory.processes.base import Process
-    from gmwm.theory.processes.parameter import Parameter, Physical
-
+from gmwm.theory.processes.parameter import Parameter, Physical
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,30 +18,21 @@ from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
 from gmwm.base.units import find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import legend, model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
 from gmwm.measuring.regression.against import WARM_UP
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
-from gmwm.showing.reports.figures import (
-    axis_pictures,
-    recordings_pictures,
-    regression_pictures,
-    sensor_pictures,
-    spectrum_pictures,
-)
+from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
 from gmwm.theory.processes.oscillator import name_in_text
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.selection import Ranking
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
-
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
@@ -174,7 +165,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         )
     pictures: dict[str, Any] = {}
     sensors = filter_tables(calibration)
-    curves = sensor_pictures(calibration)
+    curves = figures.sensor_pictures(calibration)
     for k, table in enumerate(sensors, 1):
         drawn = {f"sensor{k}-{n}": picture for n, picture in enumerate(curves.get(table["sensor"], ()), 1)}
         pictures |= drawn
@@ -217,14 +208,14 @@ PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
 
 def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     """Return the pictures of an axis by kind, without those that it does not have."""
-    fit, distance = axis_pictures(axis)
+    fit, distance = figures.axis_pictures(axis)
     pictures = {"fit": fit, "distance": distance}
     if axis.spectrum is not None:
-        pictures["spectrum"] = spectrum_pictures(axis.spectrum, axis.fit.model)
+        pictures["spectrum"] = figures.spectrum_pictures(axis.spectrum, axis.fit.model)
     if axis.regression is not None:
-        pictures["regression"] = regression_pictures(axis.regression)
+        pictures["regression"] = figures.regression_pictures(axis.regression)
     if axis.replicates is not None:
-        pictures["recordings"] = recordings_pictures(axis.replicates)
+        pictures["recordings"] = figures.recordings_pictures(axis.replicates)
     return pictures
 
 

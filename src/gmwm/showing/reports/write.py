@@ -18,21 +18,18 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.atomic_files import write_text, written_whole
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Severity, with_groups
 from gmwm.base.text import counted, version
 from gmwm.calibration.findings import equality_remarks
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.tables import with_error
+from gmwm.showing.plots.matplotlib import Picture
 from gmwm.showing.reports.content import report_data
 from gmwm.showing.reports.verdict import SENTENCE_ENDS, filter_tables, recording_facts, state_of, title_of
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.showing.plots.matplotlib import Picture
-
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 """Names of browsers that can print a page. The first that is installed is used."""

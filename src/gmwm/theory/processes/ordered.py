@@ -24,8 +24,7 @@ from gmwm.theory.processes.parameter import Fixed, Parameter, Value
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-ordered_classes: dict[str, type[Ordered]] = {}
-"""Every ordered process by name, in display order."""
+ordered_classes: dict[str, type[Ordered]] = {}  # every ordered process by name, in display order
 
 
 def every_class() -> dict[str, type[Process]]:

@@ -9,9 +9,9 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.text import defined_anew, is_own
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
 
 
-def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
+def as_lags(lags: ArrayLike) -> Integers:
     """Check lags, which are integers (samples) of any sign and shape, and return them as an array."""
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
@@ -30,7 +30,7 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     return array.astype(np.int64)
 
 
-def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
+def as_clusters(clusters: ArrayLike) -> Integers:
     """Check cluster sizes, which are integers (samples) of at least 1, and return them as an array."""
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):

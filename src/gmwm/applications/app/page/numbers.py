@@ -104,9 +104,7 @@ def register(app: Dash, desk: Desk) -> None:
             raise OptionError(argument="confidence", expected="a number", got=confidence) from None
         return session.with_(robust=ROBUST.get(robust, session.robust), confidence=level)
 
-    changes(
-        app, desk, [Input("robust", "value"), Input("confidence", "value")], settings, errors=("confidence",)
-    )  # fmt: skip
+    changes(app, desk, [Input("robust", "value"), Input("confidence", "value")], settings, errors=("confidence",))
     fields = ("horizon", "inflation", "robust", "confidence", "duration", "reference")
     restores(app, desk, fields, _field_values)
 
