@@ -22,12 +22,11 @@ import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector, as_rate
-from gmwm.base.axis_names import AXES
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY
 from gmwm.choosing.datasheets.bias import FitCurve
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, variance_limit

@@ -93,8 +93,7 @@ TRUE_CLAIM = (0.8, 1.3)
 """Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
 tests/exporters/test_quality.py."""
 
-WHITE, WALK = 0.5, -0.5
-"""Powers of time in the units of N and K."""
+WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
 

@@ -26,8 +26,7 @@ _FIRST = 1e-14
 closed form."""
 _COARSE, _FINE = 4.0, 2**0.25
 """Ratios of the ends of a panel at low frequencies, and above `_RESONANT`, where the spectrum may have resonances."""
-_RESONANT = 0.01
-"""Angular frequency (rad per sample) above which the panels are narrow enough to detect resonances."""
+_RESONANT = 0.01  # angular frequency (rad per sample) above which the panels are narrow enough to detect resonances
 _PERIODS = 76
 """Number of periods 2π/n of the mean of n samples that have a panel of their own. Above, the part of the error that
 oscillates with frequency is left out, because its integral is negligible."""
@@ -263,8 +262,7 @@ def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> NDArray[np.float64]:
     return np.stack([theta, weights, weights * spectrum(theta.ravel()).reshape(theta.shape)])
 
 
-SLOWEST_FILTER_SAMPLES = 1e10
-"""Default of the longest time constant 1/w of a filter, in samples."""
+SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a filter, in samples
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
 
@@ -301,8 +299,8 @@ def filter_numbers(
     of the second condition is the error that the filter states. The formulas are for T far above the sampling interval
     Δt. The code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of
     its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of
-    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
-    unknown.
+    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a
+    process is unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 
     from gmwm.theory.processes.model import Model
 
-registry: dict[str, type[Process]] = {}
-"""All processes by name, in the order in which they are listed."""
+registry: dict[str, type[Process]] = {}  # all processes by name, in the order in which they are listed
 
 Theory = Literal[
     "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",
