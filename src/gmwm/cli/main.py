@@ -314,7 +314,7 @@ def _print_schema(name: str | None) -> None:
         raise typer.Exit
 
 
-_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, of calibration.json or session.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
@@ -394,15 +394,21 @@ SCHEMAS = Path(__file__).with_name("schemas.json")
 
 
 def schema(name: str) -> dict[str, Any]:
-    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of
-    calibration.json."""
+    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of the files
+    calibration.json and session.json."""
     if name == "calibration.json":
         from gmwm.calibration.result import Calibration
 
         return Calibration.schema()
+    if name == "session.json":
+        from gmwm.applications.app.session import Session
+
+        return Session.schema()
     schemas = json.loads(SCHEMAS.read_text(encoding="utf-8"))
     if name not in schemas:
-        raise OptionError(argument="schema", expected=f"one of calibration.json, {', '.join(schemas)}", got=name)
+        raise OptionError(
+            argument="schema", expected=f"one of calibration.json, session.json, {', '.join(schemas)}", got=name
+        )
     return {"$schema": DIALECT, "title": f"gmwm {name}", **schemas[name]}
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from gmwm.base.documents import DIALECT, Schemas
 from gmwm.base.errors import GmwmError, OptionError, ReadError
-from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.kinds import Document, field_types, require_kinds
 from gmwm.base.template import shell_word
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
@@ -111,6 +112,20 @@ class Session:
         """Return the session as the text of session.json."""
         content = {"format": FORMAT, "version": VERSION, **self.to_dict()}
         return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+
+    @classmethod
+    def schema(cls) -> dict[str, Any]:
+        """Return the JSON Schema (draft 2020-12) of session.json. A key that is absent has its default."""
+        schemas = Schemas({"type": "number"})
+        reading, session = (
+            {name: schemas.of(kind) for name, kind in field_types(part).items()} for part in (ReadOptions, cls)
+        )
+        named = {"format": {"const": FORMAT}, "version": {"const": VERSION}}
+        options = {"type": "object", "properties": reading, "additionalProperties": False}
+        return {
+            "$schema": DIALECT, "title": FORMAT, "type": "object", "required": [*named], "additionalProperties": False,
+            "properties": {**named, **session, "reading": options}, "$defs": schemas.by_name,
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
