@@ -198,3 +198,11 @@ def test_motion_at_the_end_is_not_a_second_level():
     x = _noise(10, 60_000)
     x[-3000:] += 0.05 * np.sin(np.arange(3000) / 50)
     assert two_levels_of(x) is None
+
+
+@pytest.mark.parametrize("place", [0.3, 0.5, 0.7])
+def test_one_jump_is_not_a_second_level(place):
+    """Single means cross the middle by noise again and again, with a jump of 1.3 standard deviations."""
+    x = _noise(10, 240_000)
+    x[int(place * x.size) :] += 1.35 * np.std(np.diff(x)) / np.sqrt(2)
+    assert two_levels_of(x) is None

@@ -24,7 +24,6 @@ from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
-from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.noise import RW
 
@@ -239,8 +238,8 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
     yield from _of_replaced(axis, verdict.replaced, axis_calibration)
-    switching = axis in axes_with_two_levels(calibration.recording_remarks)
-    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not switching:
+    named = any(remark.code == "heavy-tails" and remark.subject == axis for remark in calibration.recording_remarks)
+    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return

@@ -233,7 +233,7 @@ class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
 def _ratio(error: PredictionError) -> str:
     if math.isnan(error.ratio):
         return "too short"
-    return f"{error.ratio:.2f} ({error.low:.2f} … {error.high:.2f}) {MARKS[error.verdict]}"
+    return f"{error.ratio:.2f} {MARKS[error.verdict]} ({error.low:.2f} … {error.high:.2f})"
 
 
 register(Consistency, "gmwm.applications.monitor.plot:plot_consistency")

@@ -475,9 +475,12 @@ class SharedNoiseAddition(RecordingAddition):
             pairs.sort(key=lambda pair: -abs(pair.correlation))
             strongest = pairs[0]
             first, second = strongest.axes
+            names = tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))
+            # At longer scales, few values decide the correlation, and N and K hardly depend on them.
+            largest = {"/".join(pair.axes): pair.correlation for pair in reversed(pairs) if pair.tau <= 100}
             yield Remark.of(
-                "noise-shared", case="calibration",
-                **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
+                "noise-shared", case="calibration", **pairs_facts(names),
+                correlations=tuple(largest.get(name, 0.0) for name in names),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
                 size=TEST_SIZE,
             )  # fmt: skip

@@ -232,6 +232,12 @@ def effect_text(regression: Regression) -> str:
     return text if not more else f"{text} and {counted(more, 'further coefficient')}"
 
 
+def of_levels(changes: Mapping[str, tuple[float, float]]) -> Iterator[Remark]:
+    """Yield remarks on axes whose noise changes its level: the ratio, and the time (s) of the largest change."""
+    for axis, (ratio, time) in sorted(changes.items()):
+        yield Remark.of("heavy-tails", axis, case="changes", share=100 * (ratio - 1), time=Quantity(time, "s"))
+
+
 def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
     """Convert a noise coefficient in SI to the unit of a datasheet; `time_power` is the power of seconds in its unit.
 

@@ -184,9 +184,10 @@ def wavelet_variance(
         _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = estimate.variance, dict(estimate.diagnostics)
-        classical = _classical(segments, wavelet, transform, levels)[0]
-        if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
-            diagnostics["robust"]["unrejected"], excess = lost
+        if estimate.isolated:
+            classical = _classical(segments, wavelet, transform, levels)[0]
+            if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
+                diagnostics["robust"]["unrejected"], excess = lost
         slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:

@@ -88,11 +88,13 @@ def _isolated(source: CoefficientSource, variance: Vector) -> bool:
     times as large at level 3 as at level 1. That of knocks and of white noise with heavy tails hardly grows."""
     if variance.size < 3 or not np.all(variance[:3] > 0):
         return False
-    limits = [5 * math.sqrt(variance[k]) for k in (0, 2)]
-    first, third = (
-        int(source.counts[k]) - source.between(k, limit, limit)[0] for k, limit in zip((0, 2), limits, strict=True)
-    )
-    return first >= 10 and third / int(source.counts[2]) > 2.5 * first / int(source.counts[0])
+
+    def beyond(k: int) -> int:
+        limit = 5 * math.sqrt(variance[k])
+        return int(source.counts[k]) - source.between(k, limit, limit)[0]
+
+    first = beyond(0)
+    return first >= 10 and beyond(2) / int(source.counts[2]) > 2.5 * first / int(source.counts[0])
 
 
 def unrejected(

@@ -190,12 +190,13 @@ def _levels(x: Vector, split: float, length: int) -> TwoLevels | None:
     middle = np.abs(x - (low + high) / 2) < (high - low) / 6
     changes = int(np.count_nonzero(np.diff(rare)))
     count, runs = int(np.count_nonzero(rare)), max(changes / 2, 1.0)
+    lasting: Mask = rare[1:] & rare[:-1]  # single means can cross by noise after one jump
     if (
         count < _SHARE * x.size
-        or changes < _CHANGES
+        or np.count_nonzero(np.diff(lasting)) < _CHANGES
         or count < _LASTS * runs
         or np.count_nonzero(middle) > _BETWEEN * count
-        or sum(bool(np.any(part)) for part in np.array_split(rare, _PARTS)) <= _PARTS / 2
+        or sum(bool(np.any(part)) for part in np.array_split(lasting, _PARTS)) <= _PARTS / 2
     ):
         return None
     return TwoLevels(high - low, count / x.size, length * count / runs)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import fields
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -149,7 +149,7 @@ class Process(HaarTheory, ABC):
     @property
     def is_complete(self) -> bool:
         """Whether every parameter has a value."""
-        return None not in self.values.values()
+        return all(getattr(self, p.name) is not None for p in self.parameters)
 
     def value(self, name: str) -> float:
         """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
@@ -180,7 +180,12 @@ class Process(HaarTheory, ABC):
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
-        return replace(self, **values)  # type: ignore[type-var]
+        return type(self)(**{name: getattr(self, name) for name in self._fields()} | values)
+
+    @classmethod
+    @cache
+    def _fields(cls) -> tuple[str, ...]:
+        return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]
 
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:

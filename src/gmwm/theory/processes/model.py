@@ -274,7 +274,7 @@ class Model(KalmanMethods):
             f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters if process.is_fixed(p.name)
         )
 
-    @property
+    @cached_property
     def is_complete(self) -> bool:
         """Whether every parameter has a value."""
         return all(process.is_complete for process in self.processes)
@@ -546,8 +546,8 @@ class Model(KalmanMethods):
             raise error
 
     def _require_complete(self, what: str) -> None:
-        missing = [label for label, value in self.parameters.items() if value is None]
-        if missing:
+        if not self.is_complete:
+            missing = [label for label, value in self.parameters.items() if value is None]
             raise ModelError(
                 f"the {what} of {self} needs a value for {', '.join(missing)}",
                 advice="Give the values in the model, or fit the model to data.",
