@@ -1,10 +1,11 @@
-"""SciPy, whose packages are imported when one of their functions is used: together they take 0.3 s."""
+"""SciPy and Polars, imported when something of them is used: together they take 0.5 s."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import polars as polars
     import scipy as scipy
     import scipy.fft
     import scipy.interpolate
@@ -14,11 +15,16 @@ if TYPE_CHECKING:
     import scipy.special
     import scipy.stats
 else:
-    from importlib import import_module
+    from pkgutil import resolve_name
 
-    class _Packages:
+    class _Library:
+        """A library whose packages, or other names, are found when they are used; `mark` stands before such a name."""
+
+        def __init__(self, name: str, mark: str) -> None:
+            self._name, self._mark = name, mark
+
         def __getattr__(self, name: str) -> object:
-            package = self.__dict__[name] = import_module(f"scipy.{name}")
-            return package
+            value = self.__dict__[name] = resolve_name(f"{self._name}{self._mark}{name}")
+            return value
 
-    scipy = _Packages()
+    scipy, polars = _Library("scipy", "."), _Library("polars", ":")

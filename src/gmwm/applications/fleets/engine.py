@@ -57,8 +57,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-MODULES = ("gmwm.applications.fleets.unit_job",)
-"""Modules that a process imports before its first job."""
+MODULES = ("gmwm.applications.fleets.unit_job",)  # modules that a process imports before its first job
 _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from gmwm.applications.fleets.unit_job import PART, RUN_AGAIN, Row, UnitOptions, from_plain, read_table, stamp_of
 from gmwm.base.atomic_files import read_json, write_text
 from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.lazy import polars
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.results import Plotted, register
 from gmwm.base.text import Summarised, printable, version
@@ -28,13 +29,10 @@ from gmwm.files.readers.topics import sensor_topics, topic_folder
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from polars import DataFrame
-
     from gmwm.applications.fleets.statistics_result import FleetStatistics
 
 
-FILE = "fleet.json"
-"""Name of the file that marks the output folder of a fleet."""
+FILE = "fleet.json"  # name of the file that marks the output folder of a fleet
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
@@ -198,8 +196,7 @@ def _check_names(units: Mapping[str, Path]) -> None:
 
 
 FORMAT = "gmwm-fleet"
-VERSION = 1
-"""Version of fleet.json; gmwm reads no other. Adding a key does not change the version."""
+VERSION = 1  # Version of fleet.json; gmwm reads no other. Adding a key does not change the version.
 TABLE = "fleet.parquet"
 UNITS = "units"
 
@@ -339,7 +336,7 @@ class Fleet(Summarised, Plotted):
 
     folder: Path
     paths: Mapping[str, str]
-    table: DataFrame
+    table: polars.DataFrame
     settings: CalibrationOptions
     left_out: tuple[str, ...] = ()
     kept: int = 0

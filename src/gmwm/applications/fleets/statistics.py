@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,12 @@ from gmwm.applications.fleets.statistics_result import (
 )
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
-from gmwm.base.lazy import scipy
+from gmwm.base.lazy import polars, scipy
 from gmwm.base.statistics import effects, holm, prediction_limits, spread_limits
 from gmwm.base.units import sensor_of
 from gmwm.calibration.tables import in_order
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence, as_size
-
-if TYPE_CHECKING:
-    import polars
 
 _NEEDED = ("unit", "axis", "status", "model")
 
@@ -65,8 +62,6 @@ class FleetSamples:
     """The table of a fleet as arrays with a row for each axis and a column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
-        import polars
-
         if missing := [name for name in _NEEDED if name not in table.columns]:
             raise DataError(argument="table", expected=f"a table with the columns {', '.join(_NEEDED)}", got=missing)
         done = table.filter((polars.col("status") == "calibrated") & polars.col("axis").is_not_null())

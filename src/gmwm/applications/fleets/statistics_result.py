@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.applications.fleets.summary_text import statistics_text
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.lazy import scipy
+from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Remark, sorted_remarks
 from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.statistics import effects
 from gmwm.base.units import sensor_of
-
-if TYPE_CHECKING:
-    import polars
-    from polars import DataFrame
-
 
 LEAST_UNITS_FOR_OUTLIERS = 8
 """Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""
@@ -98,7 +93,7 @@ def remarks_of(found: FleetStatistics) -> list[Remark]:
     return sorted_remarks(_remarks(found))
 
 
-def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
+def of_units(table: polars.DataFrame, units: int, failed: int) -> Iterator[Remark]:
     """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
     if failed:
         yield Remark.of("not-calibrated", case="fleet", failed=failed, units=units)
@@ -189,8 +184,7 @@ def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[s
     return [f"{', '.join(symbols)} of {', '.join(names)}" for names, symbols in groups.items()]
 
 
-SIGNED = "R"
-"""Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms."""
+SIGNED = "R"  # Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,8 +387,6 @@ class FleetStatistics(DifferenceTests):
     @property
     def table(self) -> polars.DataFrame:
         """The rows as a Polars data frame in SI units."""
-        import polars
-
         rows = [asdict(row) | {name: list(getattr(row, name)) for name in ("below", "shown_by")} for row in self.rows]
         return polars.DataFrame(rows, infer_schema_length=None)
 

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from gmwm.applications.fleets.statistics_result import AxisDifference, FleetNumber, FleetStatistics, OutlierUnit
 
 _NONE = "–"
-MOST_UNITS_LISTED = 10
-"""Largest number of failed units and of outliers that a summary lists."""
+MOST_UNITS_LISTED = 10  # largest number of failed units and of outliers that a summary lists
 
 
 def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:

@@ -368,8 +368,7 @@ _EXPLAINED: Mapping[str, frozenset[str]] = {
     "spike": frozenset({"spike"}), "frozen": _EVERYTHING, "saturated": _EVERYTHING, "moved": _EVERYTHING - {"constant"},
 }  # fmt: skip
 """Families of alarms that a reported fault explains, by kind of the fault."""
-_SILENT = ("frozen", "saturated", "moved")
-"""Kinds of faults that explain innovations of any size."""
+_SILENT = ("frozen", "saturated", "moved")  # kinds of faults that explain innovations of any size
 _OWN: Mapping[str, frozenset[str]] = {
     "noise-up": frozenset({"noise up"}), "hum": frozenset({"noise up"}), "noise-down": frozenset({"noise down"}),
     "ramp": frozenset({"level"}), "spike": frozenset({"spike"}),

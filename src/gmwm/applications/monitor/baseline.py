@@ -24,8 +24,7 @@ from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, as_model
 
-LEAST_BLOCKS = 80
-"""Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
+LEAST_BLOCKS = 80  # least blocks for the mean square of a level: standard error below 7 %, less than the dead band
 LARGEST_RATIO = 1e15
 """Largest number in a baseline; ratios, shapes and scatter are at least its inverse. Other numbers are damage."""
 

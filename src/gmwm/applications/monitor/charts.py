@@ -122,12 +122,10 @@ increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
 BLOCKS_OF_LEVEL = 4
 """Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
 (docs/validation/monitor.md)."""
-STATISTIC_UNIT = 2.0**24
-"""The chart statistics are integers in units of 1/UNIT."""
+STATISTIC_UNIT = 2.0**24  # the chart statistics are integers in units of 1/UNIT
 LARGEST_INNOVATION = 6.0
 """Limit of innovations, means and coefficients (standard deviations), so that a wrong sample is no jump."""
-LONGEST_PAUSE_S = 60.0
-"""Longest pause (s) of a chart between two alarms while a fault lasts."""
+LONGEST_PAUSE_S = 60.0  # longest pause (s) of a chart between two alarms while a fault lasts
 
 
 class Alarm(NamedTuple):
@@ -397,8 +395,7 @@ class Charts:
 
 
 States = tuple[list[int], list[int], list[int], list[int]]
-HISTORY_LEVEL = 6
-"""Level of the block sums that are kept to determine the kind of a slow fault."""
+HISTORY_LEVEL = 6  # level of the block sums that are kept to determine the kind of a slow fault
 
 
 def differences(sums: Vector, m: int) -> Vector:

@@ -17,10 +17,8 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.recording.signals import Imu
 from gmwm.theory.processes.model import Model
 
-UNITS_TO_COMPARE = 3
-"""Smallest number of units with which the changed unit can be identified."""
-LONGEST_MOTION_S = 60.0
-"""Longest time (s) for which all units may move together."""
+UNITS_TO_COMPARE = 3  # smallest number of units with which the changed unit can be identified
+LONGEST_MOTION_S = 60.0  # longest time (s) for which all units may move together
 
 
 class UnitEvent(NamedTuple):

@@ -22,8 +22,7 @@ from gmwm.recording.signals import Imu
 
 STEP, LOOKS = 512, 256
 """The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""
-FAMILIES = ("noise up", "noise down", "level")
-"""Families of charts whose statistics are recorded."""
+FAMILIES = ("noise up", "noise down", "level")  # families of charts whose statistics are recorded
 
 
 class Trace(Plotted):

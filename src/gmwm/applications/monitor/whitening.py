@@ -112,8 +112,7 @@ def _line(process: Process, rate: float) -> StateSpace:
     return StateSpace(F=decay * space.F, Q=(1.0 - decay**2) * space.P0, H=space.H, R=space.R, P0=space.P0)
 
 
-FRAME_SAMPLES = 1024
-"""Number of samples (a frame) for which the response to the initial state is computed in one step."""
+FRAME_SAMPLES = 1024  # number of samples (a frame) for which the response to the initial state is computed in one step
 DIFFUSE_INFORMATION = 1e-12
 """Prior information on a diffuse level over that of a sample. It agrees with the limit of zero to 12 digits."""
 

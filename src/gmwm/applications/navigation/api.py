@@ -38,10 +38,8 @@ from gmwm.theory.processes.ladder import approximation_remarks, start_at_zero
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.statespace import StateSpace
 
-EARTH_RADIUS_M = 6.371e6
-"""Mean radius of the Earth (m)."""
-EARTH_RATE = 7.292115e-5
-"""Rotation rate of the Earth (rad/s), WGS 84."""
+EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth (m)
+EARTH_RATE = 7.292115e-5  # rotation rate of the Earth (rad/s), WGS 84
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +111,6 @@ def mean_squares(
 def _mean_squares(
     space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, start: tuple[int, float]
 ) -> Matrix:
-    """Return the mean squares for a state space. `start` has the samples of the rest and the gain of the filter."""
     p, q = space.states, motion.drive.size
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
@@ -287,10 +284,8 @@ def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, 
     return present
 
 
-GRAVITY = STANDARD_GRAVITY
-"""Default gravity (m/s²)."""
-LATITUDE = 45.0
-"""Default latitude (deg)."""
+GRAVITY = STANDARD_GRAVITY  # default gravity (m/s²)
+LATITUDE = 45.0  # default latitude (deg)
 REST_S = 60.0
 """Default time at rest before navigation (s), after which most filters know the biases (docs/howto/budget.md)."""
 _DEGREE = math.pi / 180

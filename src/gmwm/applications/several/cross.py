@@ -145,8 +145,7 @@ def _size(values: Vector) -> float:
     return 1 / size if size > 0 else 1.0
 
 
-LARGEST_DELAY_SAMPLES = 3
-"""Largest delay (samples) that can be found."""
+LARGEST_DELAY_SAMPLES = 3  # largest delay (samples) that can be found
 LARGEST_LAG_SAMPLES = 12
 """Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
 GAIN_IN_ERRORS = 5.0

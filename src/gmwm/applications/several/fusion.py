@@ -144,8 +144,7 @@ def optimism(settled: JointSolution, design: Design, levels: Integers) -> Vector
     return np.asarray(np.maximum(achieved / predicted, 1.0))
 
 
-Horizon: TypeAlias = float | tuple[float, float]
-"""Scale (s), or lowest and highest scale of a range."""
+Horizon: TypeAlias = float | tuple[float, float]  # scale (s), or lowest and highest scale of a range
 SPARE_FREEDOM = 2.0
 """Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from gmwm.applications.several.state_space import factor
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
-from gmwm.base.lazy import scipy
+from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, duration_text, table_with_rule
@@ -30,12 +30,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-if TYPE_CHECKING:
-    from polars import DataFrame
-
-
-BLOCK_SAMPLES = 256
-"""Number of consecutive samples that are filtered by one matrix product."""
+BLOCK_SAMPLES = 256  # number of consecutive samples that are filtered by one matrix product
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +216,7 @@ def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
     return (p + p.T) / 2
 
 
-ALONE = "virtual"
-"""Name of the axis if the names of the signals do not state one."""
+ALONE = "virtual"  # name of the axis if the names of the signals do not state one
 _MEMBER = re.compile(r"(?P<axis>.+?)\s*\[(?P<unit>[^\]]+)\]")
 _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to signals"
 
@@ -475,12 +469,10 @@ class VirtualSensor(Summarised, Plotted, Tabular):
         """Return the fields as plain numbers, lists and strings."""
         return plain_fields(self, "horizon axes remarks")
 
-    def to_polars(self) -> DataFrame:
+    def to_polars(self) -> polars.DataFrame:
         """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
-        from polars import DataFrame, concat
-
-        return concat(
-            DataFrame({
+        return polars.concat(
+            polars.DataFrame({
                 "axis": [axis] * fusion.levels.size, "level": fusion.levels, "tau": fusion.tau,
                 "deviation": fusion.deviation, "average": np.sqrt(fusion.average), "gain": fusion.gain,
                 "gain_over_best": fusion.gain_over_best,

@@ -287,8 +287,7 @@ def coordinates(problem: JointProblem) -> Vector | None:
 ROUGH_TOLERANCE = 1e-4
 """Relative accuracy of the objective while starts are compared; it does not change any fit of
 docs/validation/joint.md."""
-EXACT_TOLERANCE = 1e-9
-"""Relative accuracy of the objective of a final fit."""
+EXACT_TOLERANCE = 1e-9  # relative accuracy of the objective of a final fit
 
 
 @dataclass(frozen=True, eq=False)

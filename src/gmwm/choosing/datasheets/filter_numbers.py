@@ -298,9 +298,9 @@ def filter_numbers(
     J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio` and `near`). The left side
     of the second condition is the error that the filter states. The formulas are for T far above the sampling interval
     Δt. The code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of
-    its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of the
-    best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
-    unknown.
+    its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of
+    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a
+    process is unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)

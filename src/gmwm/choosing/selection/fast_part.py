@@ -38,7 +38,7 @@ UNSEEN_DISTANCE = 1.0
 """Peaks are left out if together they change the wavelet variance by at most this distance in standard errors, after
 the powers of the other peaks are fitted. No parameter then changes by more than one standard error
 (tests/selection/test_peaks.py)."""
-MOST_OSCILLATORS = 8  # largest number of oscillators. More bumps are those of a comb filter, which belong to the shape
+MOST_OSCILLATORS = 8  # Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape.
 NARROW = 0.002
 """A bump that is narrower than this, relative to the sampling rate, cannot be a part of an ARMA process. The value is
 half the width of the narrowest peak that these can have; see `gmwm.spectrum.short_memory.POLE`."""

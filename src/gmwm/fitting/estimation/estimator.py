@@ -35,7 +35,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 
-Curve = WaveletVariance | Signal | ArrayLike  # A recording, or its wavelet variance
+Curve = WaveletVariance | Signal | ArrayLike  # a recording, or its wavelet variance
 OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]  # one recording, or several recordings of one unit
 
 

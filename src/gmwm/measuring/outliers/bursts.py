@@ -32,8 +32,8 @@ with a huge one."""
 APART = 8  # largest distance between neighbouring large coefficients of a burst, in half scales
 MATERIAL = 0.01
 """Smallest share of the classical variance at which bursts matter. It changes a standard deviation by 0.5 %."""
-RARE = 0.15  # largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance
-LONGEST = 10.0  # longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst
+RARE = 0.15  # Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance.
+LONGEST = 10.0  # Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst.
 NEIGHBOURHOOD = 60.0
 """Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
 _SMALL, _FALSE = 3.5, 1e-4

@@ -56,7 +56,7 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
     return RiseSums(number=values.size, time=time + middle, value=mean, times2=times2, product=product)
 
 
-MOST_STORED = 8192  # largest number of stored values. If there are more, every second value is dropped
+MOST_STORED = 8192  # Largest number of stored values. If there are more, every second value is dropped.
 ROW_VALUES = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW_VALUES, dtype=np.float64), np.ones(ROW_VALUES)])
 

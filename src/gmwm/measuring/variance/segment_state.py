@@ -53,7 +53,7 @@ class StatisticsCollector(Protocol):
         """Return the statistics of no coefficients."""
 
 
-BLOCKS_OF_SCALE = 64  # number of blocks per scale τ. Coefficients are computed at every τ/64-th sample
+BLOCKS_OF_SCALE = 64  # Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample.
 _KEPT = BLOCKS_OF_SCALE - 1
 
 

@@ -20,11 +20,11 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
 
 _LENGTH, _MOST = 4096, 128  # length of the periodograms, and largest number of them
-_FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # Frequencies, relative to the rate, whose spectral densities are compared
+_FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # frequencies, relative to the rate, whose spectral densities are compared
 _EMPTY = 1e-4
 """Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
-_PASSES = 0.5  # Density, relative to the slow one, at the frequency up to which the noise passes the filter
+_PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
 _OF_RATE = 3.0
 """Twice this frequency after averaging, in units of the rate. The filter is then hardly visible, and its memory is
 shorter than the horizon of N."""

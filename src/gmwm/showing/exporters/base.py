@@ -245,8 +245,7 @@ def topic_of(calibration: Calibration) -> str:
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 
 
-QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
-"""The sensors in the order in which files list them."""
+QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")  # the sensors in the order in which files list them
 
 
 def export(

@@ -75,8 +75,7 @@ Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {"worst": "the largest of", "mean": "the root mean square of", "each": "one for each of"}
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
-NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""Names of the sensors in sentences."""
+NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}  # names of the sensors in sentences
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,11 @@ from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
 
-STATES = 2
-"""Number of Gauss-Markov states."""
+STATES = 2  # number of Gauss-Markov states
 LONGEST_AVERAGING_S = 3600.0
 """Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
-LEAST_AVERAGING_RATIO = 4.0
-"""Smallest ratio of the longest averaging time to the horizon."""
-POINTS = 25
-"""Number of averaging times in the fit, with equal distances in the logarithm."""
+LEAST_AVERAGING_RATIO = 4.0  # smallest ratio of the longest averaging time to the horizon
+POINTS = 25  # number of averaging times in the fit, with equal distances in the logarithm
 _TRIED = {1: 80, 2: 16}
 """Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
 refined."""

@@ -33,7 +33,7 @@ __all__ = [
 ]  # fmt: skip
 
 _RESULTS = {
-    "base.differences.DifferenceTests": "results.plot_differences",
+    "base.results.DifferenceTests": "results.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
     "choosing.replicates.result.Replicates": "curves.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",

@@ -393,8 +393,7 @@ def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
     ]
 
 
-MEAN = Stroke(GREY, 0.8, SOLID)
-"""Stroke of the line at zero, which is the mean of the recordings."""
+MEAN = Stroke(GREY, 0.8, SOLID)  # stroke of the line at zero, which is the mean of the recordings
 LINEAR, EVEN = 10.0, 100.0
 """Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
 linear."""

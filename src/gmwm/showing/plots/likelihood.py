@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-LIMIT_LEVEL = 0.95
-"""Confidence level of the limits for white noise."""
+LIMIT_LEVEL = 0.95  # confidence level of the limits for white noise
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 EXPECTED = Stroke(BLACK, 0.8)
 

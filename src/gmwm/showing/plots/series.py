@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.inspection import Inspection
     from gmwm.theory.simulation.api import SimulatedSignal
 
-Samples = Mapping[str, Integers]
-"""Numbers of the samples of each finding of one axis."""
+Samples = Mapping[str, Integers]  # numbers of the samples of each finding of one axis
 
 SYMBOLS: dict[str, tuple[str, Symbol]] = {
     "Clipped": ("#b2182b", "triangle"), "Wrong sample": ("#d95f02", "cross"), "Knock": ("#e6ab02", "diamond"),
@@ -99,10 +98,8 @@ def _nearest(imu: Imu, axis: str, times: list[float]) -> Integers:
 
 DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
-LINE_WIDTH_PT = 0.5
-"""Width of the line through a long signal (points)."""
-FINDINGS_COLUMNS = 5
-"""Columns of the legend of findings."""
+LINE_WIDTH_PT = 0.5  # width of the line through a long signal (points)
+FINDINGS_COLUMNS = 5  # columns of the legend of findings
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}

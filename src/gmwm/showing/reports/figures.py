@@ -31,10 +31,8 @@ from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
 from gmwm.theory.processes.model import Model
 
-PIXELS_OF_POINT = 4 / 3
-"""Number of CSS pixels in a point."""
-POSITION_DIGITS = 6
-"""Number of significant digits of a position, which is more than a screen can show."""
+PIXELS_OF_POINT = 4 / 3  # number of CSS pixels in a point
+POSITION_DIGITS = 6  # number of significant digits of a position, which is more than a screen can show
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
@@ -272,8 +270,7 @@ VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 """Views of a curve. The page starts with the first, which users of inertial sensors know best."""
 SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
 
-Variants = dict[str, dict[str, Any]]
-"""A figure in several views and units, with keys such as "allan-si"."""
+Variants = dict[str, dict[str, Any]]  # a figure in several views and units, with keys such as "allan-si"
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, list[Variants]]:

@@ -22,8 +22,7 @@ from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.measuring.outliers import Verdict
 from gmwm.showing.plots.labels import axis_title
 
-Facts = list[tuple[str, str]]
-"""Pairs of name and value, in the order of the page."""
+Facts = list[tuple[str, str]]  # pairs of name and value, in the order of the page
 
 
 def recording_facts(calibration: Calibration) -> dict[str, Any]:
@@ -213,8 +212,7 @@ def _range(entries: Mapping[str, Entry]) -> str:
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"
 
 
-SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
-"""Spaces between the sentences of a text."""
+SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")  # spaces between the sentences of a text
 _STATE_OF_NUMBERS = {Usability.USE: "good", Usability.BOUND: "look", Usability.DO_NOT_USE: "bad"}
 _WITHOUT_REMARK = {
     Usability.BOUND: "The recording determines only an upper limit.",

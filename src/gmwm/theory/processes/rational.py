@@ -26,7 +26,7 @@ _POINTS = 2048
 DIFFERENCE_STEP = 1e-5
 """Relative step and relative error of one-sided differences (tests/processes/test_band_limit.py)."""
 
-Density = Callable[[NDArray[np.float64]], Vector]  # A power spectral density, as a function of frequencies (Hz)
+Density = Callable[[NDArray[np.float64]], Vector]  # a power spectral density, as a function of frequencies (Hz)
 
 
 def band_numbers(

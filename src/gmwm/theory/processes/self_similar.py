@@ -25,9 +25,9 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.filtered import without_zero
 
-Numbers = NDArray[Any]  # Real, or complex for complex-step derivatives
+Numbers = NDArray[Any]  # real, or complex for complex-step derivatives
 
-_NEAR = 4.0  # Lag, as a multiple of the step of the difference, from which the series is used instead of the definition
+_NEAR = 4.0  # lag, as a multiple of the step of the difference, from which the series is used instead of the definition
 _TERMS = 15  # number of terms of the series in (step/lag)² ≤ 1/16
 _REACH = 4  # number of lags that are stored individually, as a multiple of the filter length
 

@@ -157,8 +157,8 @@ def _gamma_powers() -> Matrix:
     return np.concatenate([(-1.0) ** (m + 1) * scipy.special.zeta(m + 1, a) / (m + 1), scipy.special.psi(a)], axis=1)
 
 
-NODES_OF_OCTAVE = 20  # chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20
-_SPILL = 8  # octave from which the polynomial of the next octave is extrapolated to lags slightly outside it
+NODES_OF_OCTAVE = 20  # Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20
+_SPILL = 8  # Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it
 _SHORT = 64  # number of lags that are summed individually
 
 Levels = NDArray[np.int64]
