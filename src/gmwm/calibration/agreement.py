@@ -27,14 +27,12 @@ from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
 from gmwm.theory.processes.model import Model
 
-_SLOW = ("R",)
-"""Symbols of the datasheet numbers that depend on the slow terms of a model."""
+_SLOW = ("R",)  # symbols of the datasheet numbers that depend on the slow terms of a model
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
 on a logarithmic scale."""
 
-_SHARED = ("N", "K")
-"""Symbols of the numbers that are also tested for all axes of a sensor together: those of a filter."""
+_SHARED = ("N", "K")  # symbols of the numbers that are also tested for all axes of a sensor together: those of a filter
 _Z = NormalDist().inv_cdf(0.975)
 
 Tested = TypeVar("Tested", SharedNumber, SensorFactors)

@@ -34,8 +34,7 @@ from gmwm.recording.repairs import axes_with_two_levels, repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
-_SLOWEST = 10.0
-"""Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
+_SLOWEST = 10.0  # smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
