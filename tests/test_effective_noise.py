@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import gmwm
-from gmwm import GM, RW, WN
+from gmwm import GM, RW, WN, fixed
 from gmwm.choosing.datasheets.effective import Use, curve_ratio, filter_entries
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from tests.helpers import codes, only, raises
@@ -47,6 +47,16 @@ def test_where_the_model_does_not_fit_the_curve_gives_the_numbers():
     assert found["K"].high >= alone.K
     assert only(lacking.datasheet().remarks, "numbers-from-curve").facts["factor"] > 2
     assert "numbers-from-curve" not in codes(whole.datasheet().remarks)
+
+
+@pytest.mark.parametrize(("frequency", "includes"), [(12.0, True), (8.0, False)])
+def test_the_interval_of_white_noise_includes_the_number_without_the_flanks_of_fast_oscillators(frequency, includes):
+    """A fan whose speed wanders has no flanks at low frequencies, unlike the oscillator that describes its peak."""
+    line = gmwm.OSC(frequency=fixed(frequency), quality=fixed(20.0), sigma2=1e-4)
+    fit = gmwm.fit(line.with_values(sigma2=None) + WN(), exact(line + WN(sigma2=1e-6)), certify=False)
+    white = filter_entries(fit, Use(), 0.95)["N"]
+    assert white.value > 1.3e-4
+    assert (white.low < 1e-4) == includes
 
 
 @pytest.mark.parametrize(("share", "visible"), [(8.0, True), (12.0, False)])

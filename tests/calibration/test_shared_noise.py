@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.applications.several import cross as module
 from gmwm.applications.several.cross import SharedNoiseAddition, block_means, shared_noise
 from gmwm.applications.several.result import SharedNoise
 from gmwm.base.remarks import texts
@@ -128,7 +127,7 @@ def test_block_means_find_the_same_scales(monkeypatch, segments):
     more = {"segments": segments, "gaps_known": False} if segments else {}
     values = signals(arrays(np.random.default_rng(7), share=1.0, axes=AXES[:2]), **more)
     whole = {one.level: one for one in shared_noise(values)}
-    monkeypatch.setattr(module, "MOST_BLOCK_MEANS", 1 << 13)
+    monkeypatch.setitem(shared_noise.__globals__, "MOST_BLOCK_MEANS", 1 << 13)
     blocks = {one.level: one for one in shared_noise(values)}
     assert min(blocks) == 3  # blocks of four samples
     assert {3, 4, 5, 6} <= whole.keys() & blocks.keys()
@@ -158,7 +157,7 @@ def test_short_and_constant_axes_are_left_out():
 @pytest.mark.parametrize("most", [1 << 20, 1 << 13])
 def test_false_alarms_of_independent_axes(monkeypatch, most):
     """The mean number of alarms in 40 recordings at 5 % is 2; with 8 or more, p = 0.001. Trends are independent."""
-    monkeypatch.setattr(module, "MOST_BLOCK_MEANS", most)
+    monkeypatch.setitem(shared_noise.__globals__, "MOST_BLOCK_MEANS", most)
     rng, alarms = np.random.default_rng(9), 0
     for _ in range(40):
         own = {a: x + 1e-2 * rng.normal() * np.linspace(0, 1, SAMPLES) for a, x in arrays(rng).items()}

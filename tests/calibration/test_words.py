@@ -8,6 +8,7 @@ import pytest
 import gmwm
 from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.text import round_text
+from gmwm.calibration.summary_text import _fitting_words
 from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
@@ -29,10 +30,26 @@ def test_it_fits_eighty_columns(calibration):
 
 @pytest.mark.parametrize(
     ("value", "low", "high", "text"),
-    [(0.0, -1.0, 2.0, "-1 … 2"), (0.0, 0.0, 0.0, "0"), (1e-308, 0.0, 1e3, "0 … 1000"), (2.0, 1.9, 2.1, "2 ± 5 %")],
+    [
+        (0.0, -1.0, 2.0, "-1 … 2"),
+        (0.0, 0.0, 0.0, "0"),
+        (1e-308, 0.0, 1e3, "0 … 1000"),
+        (2.0, 1.9, 2.1, "2 ± 5 %"),
+        (0.292, 0.264, 0.458, "0.292 +57/−10 %"),
+        (2.41, 2.355, 2.425, "2.41 +0.6/−2.3 %"),
+        (1.0, 0.9999, 1.5, "1 +50/−0.01 %"),
+    ],
 )
 def test_a_number_of_any_size_has_an_interval(value, low, high, text):
     assert number(Entry(symbol="N", title="a number", value=value, low=low, high=high, unit="1")) == text
+
+
+def test_a_model_of_many_terms_takes_one_line(calibration):
+    """Widths of the numbers as in a recording of an ADIS16405: 17 columns are left for the model."""
+    model = gmwm.Model.parse("2*GM + FN + ARMA(1,1) + 3*OSC")
+    assert _fitting_words([model, gmwm.Model.parse("GM + FN")], 19) == ["2*GM+FN+ARMA+3*OSC", "GM+FN"]
+    assert _fitting_words([model], 17) == ["2*GM+FN+4 more"]
+    assert _fitting_words([model], 9) == ["7 terms"]
 
 
 def test_wide_tables_are_cut_to_fewer_axes(calibration):
@@ -83,7 +100,7 @@ def test_numbers_are_those_of_the_datasheets(calibration):
             if entry.upper_only:
                 assert f"≤ {round_text(high, 3)}" in text
             elif (high - low) / 2 <= 0.5 * abs(value):
-                assert f"{round_text(value, 3)} ± {100 * (high - low) / 2 / abs(value):.2g} %" in text
+                assert f"{round_text(value, 3)} {number(entry).split(' ', 1)[1]}" in text
             else:
                 assert f"{round_text(low)} … {round_text(high)}" in text
             assert f"{symbol} ({unit})" in text
@@ -188,7 +205,7 @@ def test_the_pictures_show_every_axis(calibration, split, tmp_path):
 
 def test_it_is_short_as_a_repr_and_complete_in_a_notebook(calibration):
     assert repr(calibration).startswith("Calibration(gyro_x: ")
-    assert "Gyroscopes" in calibration._repr_html_()
+    assert "Gyro  " in calibration._repr_html_()
 
 
 @pytest.mark.slow

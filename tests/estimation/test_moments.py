@@ -13,6 +13,8 @@ from gmwm.filters import find_filter
 from scipy.signal import lfilter
 
 import gmwm
+from gmwm.measuring.covariance import Design, covariance
+from validation.study_moments import SEED, series
 
 MODELS = {
     "MA(1)": ([], [0.6]), "MA(2)": ([], [0.6, 0.3]), "ARMA(2,1)": ([0.9, -0.3], [0.5]), "AR(2)": ([1.4, -0.6], []),
@@ -115,6 +117,25 @@ def test_results_can_be_stored_and_drawn():
     assert fit.datasheet()["B"].value > 0
     assert fit.plot() is not None
     assert gmwm.select("ARMA(1,1)", fit.wavelet_variance).best.fit.wavelet_variance.levels[0] == -5
+
+
+def test_levels_that_the_lags_contain_are_left_out():
+    x = recording("ARMA(2,1)", 2000, 1)
+    curve = gmwm.wavelet_variance(x, filter="haar + lags:8")
+    assert curve.levels.tolist() == [*range(-8, 0), 1, 4, 5, 6, 7, 8, 9, 10]
+    full = gmwm.wavelet_variance(x)
+    assert curve.without_lags.variance == pytest.approx(full.only(curve.levels[8:].tolist()).variance)
+    # Without them, no combination of the moments is nearly zero but for the ends of the series.
+    truth = "ARMA(2, 1, phi1=0.9, phi2=-0.3, theta1=0.5, sigma2=1)"
+    v = covariance(gmwm.Model.parse(truth), Design.of(curve))
+    assert np.linalg.eigvalsh(v / np.sqrt(np.outer(np.diag(v), np.diag(v))))[0] > 1e-4
+
+
+def test_weights_of_a_poor_first_estimate_do_not_end_a_fit():
+    # The weights of the first estimate lead to a model without noise.
+    x = series(np.random.default_rng([SEED, 1, 241]), "ARMA(2,1)", 2000, None)
+    fit = gmwm.fit("ARMA(2,1)", x, moments="haar + lags:8", certify=False)
+    assert fit.parameters["ARMA(2,1).theta1"] == pytest.approx(0.5, abs=0.1)
 
 
 def test_names_of_moments():

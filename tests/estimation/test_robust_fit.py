@@ -6,7 +6,9 @@ import pytest
 import gmwm
 from gmwm import GM, RW, WN
 from gmwm.fitting.estimation.weighting import sampling_variance
+from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.mixture import smoothed
+from gmwm.measuring.covariance.robust import rounding_bias
 from tests.helpers import raises
 
 RATE = 100.0
@@ -105,3 +107,17 @@ def test_an_upper_limit_is_not_below_the_estimate_beside_outliers_that_are_kept(
     assert wv.excess is not None
     assert all(limits[name][1] >= value for name, value in fit.parameters.items())
     assert limits["WN.sigma2"][1] > 1e-6
+
+
+def test_intervals_of_a_robust_fit_include_the_bias_of_rounding():
+    rng = np.random.default_rng(4)
+    x = 1e-3 * rng.normal(size=200_000) + np.sqrt(12) * 2e-3 * np.diff(rng.random(200_001))
+    signal = gmwm.Signal(x, RATE)
+    fit, classical = gmwm.fit("WN + QN", signal, robust=True), gmwm.wavelet_variance(signal)
+    bias = rounding_bias(fit.model, Design.of(fit.wavelet_variance))
+    assert bias[:5] == pytest.approx((fit.wavelet_variance.variance / classical.variance - 1)[:5], abs=0.03)
+    assert bias[0] > 0.1
+    for name, truth in (("WN.sigma2", 1e-6), ("QN.q2", 4e-6)):
+        low, high = fit.confidence_intervals()[name]
+        assert low <= truth <= high
+        assert truth != pytest.approx(fit.parameters[name], rel=0.03)

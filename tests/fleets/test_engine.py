@@ -12,9 +12,9 @@ import pytest
 import gmwm
 from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.applications.fleets import Fleet, unit_job
-from gmwm.applications.fleets.discovery import find_units
+from gmwm.applications.fleets.engine import Cluster, allowing_lost_workers, run_jobs
+from gmwm.applications.fleets.result import find_units
 from gmwm.applications.fleets.unit_job import RUN_AGAIN, UnitJob, UnitOptions
-from gmwm.applications.fleets.workers import Cluster, allowing_lost_workers, run_jobs
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file

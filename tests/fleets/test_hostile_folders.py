@@ -9,8 +9,7 @@ import pytest
 import gmwm
 from gmwm import Calibration, calibrate, fleet, simulate
 from gmwm.applications.fleets import Fleet
-from gmwm.applications.fleets.discovery import find_units
-from gmwm.applications.fleets.result import FORMAT, read_facts
+from gmwm.applications.fleets.result import FORMAT, find_units, read_facts
 from gmwm.base.atomic_files import DEEPEST_DOCUMENT, read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.formats.parquet import ParquetReader

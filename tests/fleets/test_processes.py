@@ -9,8 +9,8 @@ from multiprocessing import active_children
 import pytest
 
 from gmwm import fleet, simulate
+from gmwm.applications.fleets.engine import Processes, run_jobs
 from gmwm.applications.fleets.unit_job import UnitJob, UnitOptions
-from gmwm.applications.fleets.workers import Processes, run_jobs
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.recording.options import ReadOptions
 

@@ -48,6 +48,21 @@ def test_the_wrong_samples_are_found_and_no_others(share, size):
     assert 0.6 * size < spikes.largest < 1.6 * size
 
 
+@pytest.mark.parametrize("step", [0.5, 1.0, 1.3, 1.5])
+def test_the_wrong_samples_of_a_rounded_output_are_found(step):
+    x, wrong = spoilt(np.random.default_rng(2).standard_normal(N), 0.008, 10.0)
+    spikes = find_spikes(Signal(np.round(x / step) * step, RATE))
+    assert np.count_nonzero(wrong[spikes.indices]) >= 0.99 * wrong.sum()
+    assert len(spikes) <= 1.01 * wrong.sum()
+
+
+def test_equal_sizes_leave_few_small_ones():
+    x, wrong = spoilt(np.random.default_rng(2).standard_normal(N), 0.008, 8.0)
+    spikes = find_spikes(Signal(x, RATE))
+    missed = np.setdiff1d(np.flatnonzero(wrong), spikes.indices)
+    assert spikes.left / N == pytest.approx(64.0 * missed.size / N, abs=0.02)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("share", "size"), [(0.01, 10.0), (0.05, 40.0)])
 def test_the_curve_becomes_that_of_the_clean_signal(share, size):

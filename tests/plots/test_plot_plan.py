@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import OptionError
-from gmwm.showing.plots.plan import plan_panel, plot_plan
+from gmwm.showing.plots.results import plan_panel, plot_plan
 from tests.helpers import raises
 
 

@@ -7,7 +7,11 @@ from pathlib import Path
 import pytest
 
 import gmwm
+from gmwm import OSC
+from gmwm.choosing.selection.api import select_within
+from gmwm.choosing.selection.ranking import RankingOptions
 from gmwm.choosing.selection.structure import structure_of
+from gmwm.theory.processes.parameter import Fixed
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 UNITS = {"gyro": "deg/s", "accel": "g"}
@@ -51,6 +55,20 @@ def test_a_candidate_has_the_objective_of_a_fit_by_itself(weighting):
         alone = gmwm.fit(candidate.model, wv, weighting=ranking.weighting_matrix)
         assert candidate.fit.objective == pytest.approx(alone.objective, rel=1e-5)
         assert candidate.fit.objective >= alone.lower_bound * (1 - 1e-6)
+
+
+def test_terms_of_fixed_power_may_leave_nothing_to_estimate():
+    """Two oscillators have too much power in the spectrum, so that all other terms of a candidate are zero."""
+    fixed = [
+        OSC(frequency=Fixed(frequency), quality=Fixed(quality), sigma2=Fixed(1.0))
+        for frequency, quality in ((5.8, 300.0), (2.7, 2000.0))
+    ]
+    wv = gmwm.WaveletVariance.from_values(
+        0.8 * gmwm.Model(tuple(fixed)).wavelet_variance(12, rate=100.0), samples=200_000, rate=100.0
+    )
+    free = OSC(frequency=Fixed(3.5), quality=Fixed(50.0))
+    ranking = select_within("GM + WN + RW", wv, RankingOptions(), required=(free, *fixed))
+    assert all(candidate.fit.objective > 0 for candidate in ranking)
 
 
 @pytest.mark.slow

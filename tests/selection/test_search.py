@@ -11,9 +11,8 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.ranking import SLOW, RankingOptions
+from gmwm.choosing.selection.ranking import REJECTED, SLOW, RankingOptions, SearchStep
 from gmwm.choosing.selection.search import LOW_ORDER, _is_accepted, search, within_family
-from gmwm.choosing.selection.search_steps import REJECTED, SearchStep
 from gmwm.choosing.selection.structure import freedom, largest_within
 from gmwm.theory.processes.sinusoid import SIN
 

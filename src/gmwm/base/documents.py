@@ -120,8 +120,7 @@ def _computed(kind: type, name: str) -> Any:
 
 T = TypeVar("T")
 
-_READERS: dict[type, Callable[[str], Any]] = {}
-"""Functions that read the classes that a document contains as a text."""
+_READERS: dict[type, Callable[[str], Any]] = {}  # functions that read the classes that a document contains as a text
 
 
 def write_as_text(kind: type[T], read: Callable[[str], T]) -> None:

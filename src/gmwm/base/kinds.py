@@ -41,8 +41,7 @@ _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
 """Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
 matrices without negative eigenvalues. A field has the same meaning in all classes."""
-LARGEST_COUNT = 1 << 62
-"""Largest number of samples or of anything else that is counted."""
+LARGEST_COUNT = 1 << 62  # largest number of samples or of anything else that is counted
 LARGEST_NUMBER = 1e150
 """Largest finite number in a document, and largest inverse of a number above zero. The square of a larger number
 overflows."""
@@ -108,7 +107,9 @@ def field_types(kind: type) -> Mapping[str, Any]:
 
 def _lists(kind: type) -> frozenset[str]:
     """Return the names of the fields with one list of numbers: those whose annotation is `Vector`, or of integers."""
-    return frozenset(field.name for field in fields(kind) if str(field.type) in ("Vector", "NDArray[np.int64]"))
+    return frozenset(
+        field.name for field in fields(kind) if str(field.type) in ("Vector", "Integers", "NDArray[np.int64]")
+    )
 
 
 def _require(value: Any, kind: Any, key: str, document: Document) -> None:

@@ -44,10 +44,8 @@ Fact = Quantity | float | int | str | bool | None | tuple["Fact", ...]
 
 _SHELL_OPTIONS: Mapping[str, str] = {"rng": "--seed", "axes": "--axis"}
 """Options of the shell whose name differs from the Python argument."""
-_MAPPINGS = ("units", "scale", "columns")
-"""Arguments that are mappings in Python and `name=value` pairs in the shell."""
-_LISTS = ("columns", "increments")
-"""Arguments that are lists in Python and names separated by commas in the shell."""
+_MAPPINGS = ("units", "scale", "columns")  # arguments that are mappings in Python and `name=value` pairs in the shell
+_LISTS = ("columns", "increments")  # arguments that are lists in Python and names separated by commas in the shell
 _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm info": "gmwm.inspect(recording)",
     "gmwm agree": "gmwm.agree(calibrations)",

@@ -13,8 +13,7 @@ from unicodedata import category
 
 T = TypeVar("T")
 
-TEXT_WIDTH = 80
-"""Largest number of columns of a text on a terminal, its usual width."""
+TEXT_WIDTH = 80  # largest number of columns of a text on a terminal, its usual width
 
 
 @cache

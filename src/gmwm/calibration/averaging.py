@@ -22,8 +22,7 @@ LEAST_WEIGHT = 0.02
 EQUIVALENT_DIFFERENCE = 4.0
 """Limit for the criterion of a model minus the best criterion, if the test finds the model equivalent to the best one.
 A larger difference is replaced by this limit, because it is due to chance (docs/validation/sensors.md)."""
-MOST_MODELS = 5
-"""Largest number of models in the average."""
+MOST_MODELS = 5  # largest number of models in the average
 SAME_PROCESS_RATIO = 5.0
 """Largest ratio of the correlation times of Gauss-Markov terms in two models that are treated as the same process."""
 OF_WHITE = ("N",)
@@ -34,8 +33,7 @@ UNDETERMINED_RATIO = 1e4
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
 _TIMES = ("T_c", "q_c")
 _LINE = ("f_0", "A")
-WALK = "K"
-"""Symbol of the rate random walk in a datasheet."""
+WALK = "K"  # symbol of the rate random walk in a datasheet
 WALK_SHARE = 0.01
 """Smallest correlation time of a Gauss-Markov term, relative to the length of the recording, for which the term is
 treated as a random walk with K = q_c (docs/validation/sensors.md)."""

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-
-if TYPE_CHECKING:
-    from gmwm.calibration.recording_info import Recording
-    from gmwm.calibration.result import Calibration
+from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.result import Calibration
 
 
 def combine(calibrations: Sequence[Calibration]) -> Calibration:

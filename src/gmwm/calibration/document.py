@@ -27,8 +27,7 @@ from gmwm.calibration.rest import BiasAtRest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.selection import Ranking
-from gmwm.choosing.selection.ranking import Candidate
-from gmwm.choosing.selection.search_steps import SearchStep
+from gmwm.choosing.selection.ranking import Candidate, SearchStep
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.estimation.intervals import Interval

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.calibration.result import AxisCalibration
+from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.datasheets.bias import SYMBOL
+from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
+from gmwm.theory.processes import Model
 from gmwm.theory.processes.base import Process, registry
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration
-    from gmwm.choosing.datasheets import Datasheet
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.theory.processes import Model
 
 Mask = NDArray[np.bool_]
 

@@ -6,14 +6,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import Calibration
-    from gmwm.choosing.datasheets import Entry
+from gmwm.base.units import sensor_of
+from gmwm.calibration.result import Calibration
+from gmwm.choosing.datasheets import Entry
 
 MAIN = ("N", "K", "B")
 """Symbols of the numbers that the verdict of a calibration counts."""

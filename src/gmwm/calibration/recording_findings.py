@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
+from gmwm.calibration.result import AxisCalibration
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.inspection import Inspection
-    from gmwm.measuring.outliers import Verdict
+from gmwm.measuring.outliers import Verdict
 
 _LINE = "linear-trend"
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def recording_remarks(

@@ -5,28 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
-from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
+from gmwm.base.lazy import scipy
+from gmwm.base.statistics import confidence_of_mean, effects, spread_limits
 from gmwm.base.text import duration_text
+from gmwm.base.units import sensor_of
 from gmwm.calibration.averaging import weighted_candidates
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.choosing.datasheets.bias_changes import BiasTerms, Variance
 from gmwm.choosing.datasheets.entry import Entry
+from gmwm.choosing.selection.ranking import Ranking
+from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import Inspection
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-if TYPE_CHECKING:
-    from gmwm.calibration.options import CalibrationOptions
-    from gmwm.choosing.selection.ranking import Ranking
-    from gmwm.fitting.estimation.result import Fit
 
 GRAVITY, GRAVITY_ERROR = 9.806, 0.016
 """Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
@@ -217,8 +217,6 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
     mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees of freedom, at
     least 1. The tail areas are averaged (docs/validation/rest.md). It is at most the
     normal interval of the largest variance that the measured wavelet variance allows."""
-    from scipy.special import stdtr
-
     spreads = [
         (w, math.sqrt(variance.value), max(2 / max(variance.relative, 1e-9) ** 2, 1.0))
         for w, variance in models
@@ -229,7 +227,9 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
     low, high = min(reaches, default=0.0), max(reaches, default=0.0)
     while high - low > 1e-9 * high:
         middle = (low + high) / 2
-        outside = sum(weight * 2 * float(stdtr(freedom, -middle / size)) for weight, size, freedom in spreads)
+        outside = sum(
+            weight * 2 * float(scipy.special.stdtr(freedom, -middle / size)) for weight, size, freedom in spreads
+        )
         low, high = (middle, high) if outside > (1 - level) * total else (low, middle)
     return min(high, _quantile(math.inf, level) * math.sqrt(max((v.limit for _, v in models), default=0.0)))
 
@@ -305,7 +305,5 @@ def _limits(variance: Variance, level: float) -> tuple[float, float]:
 
 def _quantile(freedom: float, level: float) -> float:
     """Return the two-sided quantile of Student's distribution with `freedom` degrees of freedom at a level."""
-    from scipy.special import ndtri, stdtrit
-
     share = (1 + level) / 2
-    return float(ndtri(share) if math.isinf(freedom) else stdtrit(freedom, share))
+    return float(scipy.special.ndtri(share) if math.isinf(freedom) else scipy.special.stdtrit(freedom, share))

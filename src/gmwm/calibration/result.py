@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, Severity
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.selection import Ranking
-from gmwm.choosing.selection.search_steps import SearchStep
+from gmwm.choosing.selection.ranking import SearchStep
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.model_error import RelativeMisfit

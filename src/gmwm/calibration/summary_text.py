@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
 from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
+from gmwm.base.units import by_sensor
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
 from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
-from gmwm.choosing.selection.search_steps import search_lines
+from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
     lines: list[str] = []
     verdicts = calibration.number_verdicts
     for sensor, axes in by_sensor(calibration.axes).items():
-        lines += [*([""] if lines else []), *_axes_table(SENSORS.get(sensor, sensor or "Axes"), axes, verdicts)]
+        lines += [*([""] if lines else []), *_axes_table(sensor.capitalize() or "Axes", axes, verdicts)]
     for axis, reason in calibration.failed.items():
         lines.append(f"{axis}  ✗ not calibrated: {reason}"[:TEXT_WIDTH])
     return lines
@@ -74,47 +74,48 @@ def _axes_table(
     title: str, axes: Mapping[str, AxisCalibration], verdicts: Mapping[str, Mapping[str, NumberVerdict]]
 ) -> list[str]:
     symbols = main_symbols(axes)
-    rows = [[title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items()), "model"]]
-    long = max(map(len, axes)) > len("Accelerometers")
+    head = [title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items())]
+    long = max(map(len, axes)) > len("accel_x") + 7
+    rows = [head]
     for axis, result in axes.items():
         cells = [_cell(result, verdicts[axis].get(symbol), symbol) for symbol in symbols]
-        rows.append(["" if long else axis, *cells, model_words(result.fit.model)])
-    spare = TEXT_WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(symbols) + 1)) - 2
-    head_row, *axis_rows = rows
-    rows, counts = [head_row], []
-    for row in axis_rows:
-        first, *more = _broken(row[-1], spare)
-        rows += [[*row[:-1], first], *([*[""] * len(row[:-1]), part] for part in more)]
-        counts.append(1 + len(more))
-    head, rule, *lines = table_with_rule(rows)
-    if max(map(len, lines)) > TEXT_WIDTH:
-        head, rule, *lines = table_with_rule([row[:-1] for row in (head_row, *axis_rows)])
-        counts = [1] * len(axis_rows)
+        rows.append(["" if long else axis, *cells])
+    spare = TEXT_WIDTH - sum(max(len(row[k]) for row in rows) + 2 for k in range(len(head))) - 2
+    if spare >= len("99 terms"):
+        words = ["model", *_fitting_words([result.fit.model for result in axes.values()], spare)]
+        rows = [[*row, word] for row, word in zip(rows, words, strict=True)]
+    head_line, rule, *lines = table_with_rule(rows)
     if long:
-        ends = list(accumulate(counts))
-        lines = [
-            line for axis, count, end in zip(axes, counts, ends, strict=True)
-            for line in (f"  {axis}"[:TEXT_WIDTH], *lines[end - count : end])
-        ]  # fmt: skip
-    return [head, rule, *lines]
+        lines = [part for axis, line in zip(axes, lines, strict=True) for part in (f"  {axis}"[:TEXT_WIDTH], line)]
+    return [head_line, rule, *lines]
 
 
-def _broken(words: str, width: int) -> list[str]:
-    """Break a model between its terms into lines of a width.
+def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
+    """Describe models in the words of `model_words`, or in their notation if the width is too small. Models for which
+    it is still too small are described by their first terms.
 
-    >>> _broken("2*GM+WN+RW+1 oscillation+3 lines", 12)
-    ['2*GM+WN+RW+', '1 osc.+', '3 lines']
+    >>> from gmwm import Model
+    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
+    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
+    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
     """
-    if len(words) <= width:
-        return [words]
-    terms = words.replace("oscillation", "osc.").replace("osc.s", "osc.").split("+")
-    lines = [""]
-    for k, term in enumerate(terms):
-        part = term if k == len(terms) - 1 else f"{term}+"
-        if lines[-1] and len(lines[-1]) + len(part) > width:
-            lines.append("")
-        lines[-1] += part
-    return lines
+    words = [model_words(model) for model in models]
+    short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
+    for forms in (words, short):
+        if max(map(len, forms)) <= width:
+            return forms
+    return [_notation(model, width) for model in models]
+
+
+def _notation(model: Model, width: int) -> str:
+    names = Counter(process.name.partition("(")[0] for process in model.processes)
+    parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
+    rest = [*list(accumulate(reversed(names.values())))[::-1], 0]
+    for k in range(len(parts), 0, -1):
+        text = "+".join([*parts[:k], *([f"{rest[k]} more"] if rest[k] else [])])
+        if len(text) <= width:
+            return text
+    return f"{rest[0]} terms"
 
 
 def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:
@@ -144,10 +145,8 @@ REST: Mapping[Dialect, str] = {
 }  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
-MOST_LINES = 10
-"""Largest number of lines that a table shows. A choice: the weakest of more lines hardly matter."""
-SPREAD_OF = ("N", "B", "K")
-"""Symbols of the numbers whose spread between recordings the table shows."""
+MOST_LINES = 10  # largest number of lines that a table shows. A choice: the weakest of more lines hardly matter
+SPREAD_OF = ("N", "B", "K")  # symbols of the numbers whose spread between recordings the table shows
 _FIRST = "[1]"
 _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}
@@ -178,7 +177,7 @@ def _details(calibration: Calibration) -> list[list[str]]:
     parts = [
         [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
     ]
-    parts.append(_legend(calibration))
+    parts.append(wrap_text(legend(calibration)))
     parts += [
         [f"Why this model of {axis}?", *search_lines(result.search, TEXT_WIDTH)]
         for axis, result in calibration.axes.items() if result.search
@@ -272,7 +271,7 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
 
 
 def _line_rows(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Return the amplitudes of the lines by frequency, the strongest first, and the number of those left out."""
+    """Return amplitudes of lines and rms of oscillations by frequency, the strongest first, and the number left out."""
     columns = [lines_of(item.datasheet) for item in calibrations]
     strongest: dict[str, float] = {}
     for column in columns:
@@ -325,19 +324,23 @@ def _number_of(calibration: AxisCalibration, symbol: str) -> RecordingNumber | N
 
 
 def lines_of(sheet: Datasheet) -> dict[str, Entry]:
-    """Return the amplitudes of the lines of an axis by a name with their frequency, such as "line 0.564 Hz"."""
-    frequencies = {entry.term: entry.value for entry in sheet.values() if entry.symbol.startswith("f_0")}
-    return {
-        f"line {round_text(frequencies[entry.term], 3)} Hz": entry
-        for entry in reversed(sheet.entries)
-        if entry.term in frequencies and entry.symbol.partition("[")[0] == "A"
-    }
+    """Return the amplitudes of lines and the rms of oscillations, named by frequency, such as "line 0.564 Hz"."""
+    kinds = {"A": "line", "rms": "oscillation"}
+    lines = [
+        (kinds[kind], entry.frequency, entry) for entry in reversed(sheet.entries)
+        if entry.frequency is not None and (kind := entry.symbol.partition("[")[0]) in kinds
+    ]  # fmt: skip
+    names: list[str] = []
+    for digits in range(3, 9):  # more digits only if two lines are close
+        names = [f"{kind} {round_text(frequency, digits)} Hz" for kind, frequency, _ in lines]
+        if len(set(names)) == len(names):
+            break
+    return {name: entry for name, (_, _, entry) in zip(names, lines, strict=True)}
 
 
 def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
     """Return the entries to show by symbol, without lines."""
-    lines = {entry.term for symbol, entry in calibration.datasheet.items() if symbol.startswith("f_0")}
-    return {symbol: entry for symbol, entry in calibration.datasheet.items() if entry.term not in lines}
+    return {symbol: entry for symbol, entry in calibration.datasheet.items() if entry.frequency is None}
 
 
 def _others(calibration: AxisCalibration) -> str:
@@ -355,11 +358,15 @@ def _outliers(calibration: AxisCalibration) -> str:
     return "yes: left out" if calibration.fit.wavelet_variance.robust else "yes: kept"
 
 
-def _legend(calibration: Calibration) -> list[str]:
+def legend(calibration: Calibration) -> str:
+    """Return the explanation of the symbols and words in the tables with all numbers."""
     named = key(entry for item in calibration.axes.values() for entry in _entries_of(item).values())
     level = calibration.settings.confidence
-    has_lines = any(lines_of(item.datasheet) for item in calibration.axes.values())
-    lines = " line: amplitude at this frequency." if has_lines else ""
+    names = {name.partition(" ")[0] for item in calibration.axes.values() for name in lines_of(item.datasheet)}
+    lines = "".join(
+        f" {name}: {what} at this frequency." for name, what in (("line", "amplitude"), ("oscillation", "rms"))
+        if name in names
+    )  # fmt: skip
     biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
     if biases:
         lines += (
@@ -375,7 +382,7 @@ def _legend(calibration: Calibration) -> list[str]:
             " spread: standard deviation between recordings without estimation errors; intervals include it. p of "
             "equality: p-value of the test that the recordings are equal."
         )
-    return wrap_text(
+    return (
         f"{named}. ±, +a/−b, a … b: {100 * level:g} % interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
         f"recommended. p: p-value of the goodness-of-fit test.{_filter_note(calibration)}{lines}"

@@ -14,8 +14,7 @@ from gmwm.measuring.variance.allan_regression import LAWS
 if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Entry
 
-SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
-"""Headings of the tables, by sensor."""
+SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}  # headings of the tables, by sensor
 
 
 def merge_names(lists: Sequence[Sequence[str]]) -> list[str]:
@@ -64,7 +63,12 @@ def number(entry: Entry) -> str:
         return round_text(value, 3)
     below, above, half = (100 * part / abs(value) for part in (value - low, high - value, half))
     if max(below, above) > 2 * min(below, above):
-        return f"{round_text(value, 3)} +{round_text(above)}/−{round_text(below)} %"
+        # Both parts have the decimals of the larger one.
+        decimals = max(0, 1 - math.floor(math.log10(max(below, above))))
+        upper, lower = (
+            f"{part:.{decimals}f}" if round(part, decimals) else round_text(part, 1) for part in (above, below)
+        )
+        return f"{round_text(value, 3)} +{upper}/−{lower} %"
     return f"{round_text(value, 3)} ± {round_text(half)} %"
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.applications.fleets.discovery import FILE
-from gmwm.applications.fleets.result import TABLE
+from gmwm.applications.fleets.result import FILE, TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import processors

@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.base.arrays import Integers
 from gmwm.base.atomic_files import read_json
-from gmwm.base.durations import parse_length, parse_share
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length, parse_share
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.model_source import GivenText, read_given
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, plot_file, progress, tell
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from gmwm.base.arrays import Matrix
     from gmwm.fitting.inference.planning import Plan
     from gmwm.theory.filters import WaveletFilter
@@ -262,7 +260,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
 
 
-def _measure(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
+def _measure(found: Mapping[str, Any]) -> tuple[Integers, float, WaveletFilter, Matrix]:
     """Return the levels, sampling rate (Hz), wavelet filter and weighting matrix of a fit from its JSON document."""
     import numpy as np
 

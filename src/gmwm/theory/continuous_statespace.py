@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_rate
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, as_rate
+from gmwm.base.lazy import scipy
 from gmwm.theory.statespace import StateSpace, check_matrices
 
 __all__ = ["ContinuousStateSpace"]
@@ -68,7 +69,7 @@ class ContinuousStateSpace:
     Rc: Matrix
     m0: Vector
     P0: Matrix
-    diffuse: NDArray[np.bool_]
+    diffuse: Booleans
     terms: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -152,9 +153,6 @@ class ContinuousStateSpace:
 
 def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
     """Return A and Qc, or None if there is no continuous model."""
-    from scipy.linalg import expm, logm
-    from scipy.special import exprel
-
     p, noisy = space.states, bool(np.any(space.Q))
     values = np.linalg.eigvals(space.F)
     # Eigenvalues that are zero or negative have no real logarithm: quantization noise, AR1 with φ < 0.
@@ -162,17 +160,17 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
         return None
     if p == 1:
         decay = np.log(space.F)
-        return rate * decay, rate * space.Q / exprel(2.0 * decay)
+        return rate * decay, rate * space.Q / scipy.special.exprel(2.0 * decay)
     if noisy and not _keeps_its_range(space):
         return None
-    a = rate * np.real(logm(space.F))
+    a = rate * np.real(scipy.linalg.logm(space.F))
     if not noisy:
         return a, np.zeros((p, p))
     turn = np.kron(a, np.eye(p)) + np.kron(np.eye(p), a)
     # ∫₀^Δt e^(turn s) ds is the upper right block of the exponential of [[turn, I], [0, 0]] Δt.
     system = np.zeros((2 * p * p, 2 * p * p))
     system[: p * p, : p * p], system[: p * p, p * p :] = turn, np.eye(p * p)
-    gain = expm(system / rate)[: p * p, p * p :]
+    gain = scipy.linalg.expm(system / rate)[: p * p, p * p :]
     density = np.linalg.solve(gain, space.Q.ravel()).reshape(p, p)
     density = (density + density.T) / 2
     return (a, density) if _is_covariance(density / _sizes(space.Q) / rate) else None
@@ -202,7 +200,7 @@ def _is_covariance(matrix: Matrix) -> bool:
     return bool(values[0] >= -_ROUNDING * np.max(np.abs(values)))
 
 
-def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _blocks(linked: Booleans) -> list[Integers]:
     """Return the indices of the states of each block of coupled states."""
     reach = linked | linked.T | np.eye(len(linked), dtype=np.bool_)
     for _ in range(len(linked).bit_length()):
@@ -212,16 +210,13 @@ def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
 
 def _step(a: Matrix, density: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     """Return F and Q of one block for a step of `dt` (s)."""
-    from scipy.linalg import expm
-    from scipy.special import exprel
-
     p = len(a)
     if p == 1:
-        return np.exp(a * dt), dt * density * exprel(2.0 * a * dt)
+        return np.exp(a * dt), dt * density * scipy.special.exprel(2.0 * a * dt)
     # Van Loan's exponential contains e^(−A dt), which can be very large: take a short step and double it.
     halvings = max(0, int(np.frexp(np.linalg.norm(a) * dt)[1]))
     size = float(np.max(np.abs(density))) or 1.0
-    exponential = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
+    exponential = scipy.linalg.expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))
     transition = exponential[p:, p:].T
     noise = size * (transition @ exponential[:p, p:])
     for _ in range(halvings):

@@ -123,12 +123,16 @@ class WaveletFilter:
         return np.where(numbers < 0, 2 - numbers, taps)
 
     def numbers(self, levels: int | ArrayLike) -> NDArray[np.int64]:
-        """Check levels, which may be the negative lags of this filter; a number J means the lags and 1, …, J."""
+        """Check levels, which may be the negative lags of this filter; a number J means the lags and 1, …, J. A level
+        that the lags contain is left out: but for the ends of the signal, ν_j² is a sum of ν_1² and of the moments at
+        the lags up to 2^j − 2, and the ends are not normal."""
         if not self.lags:
             return as_levels(levels)
         array = np.asarray(levels)
         if array.ndim == 0:
-            return np.concatenate([-np.array(self.lags[::-1]), as_levels(levels)])
+            scales = as_levels(levels)
+            reach = sum(lag == place for place, lag in enumerate(self.lags, 1))  # lags 1, …, reach without a gap
+            return np.concatenate([-np.array(self.lags[::-1]), scales[(scales == 1) | ((1 << scales) - 2 > reach)]])
         as_levels(array[array > 0])
         return array.astype(np.int64)
 
@@ -424,8 +428,6 @@ _TABLES: dict[str, _FilterTable] = {
 }
 # fmt: on
 
-FILTERS = tuple(_TABLES)
-"""Names of the filters that need no further library."""
+FILTERS = tuple(_TABLES)  # names of the filters that need no further library
 
-HAAR = find_filter("haar")
-"""The Haar filter. Twice its wavelet variance is the Allan variance."""
+HAAR = find_filter("haar")  # the Haar filter. Twice its wavelet variance is the Allan variance

@@ -29,18 +29,14 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Fixed
 
 FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif'
-SIDE_MARGINS_PX = 90
-"""Total width (CSS pixels) of the left and right margins of a figure."""
+SIDE_MARGINS_PX = 90  # total width (CSS pixels) of the left and right margins of a figure
 NARROW, WIDEST = 760, 1360
 """Page width (CSS pixels) below which figures are in one column, and largest width of the page, as in app.css."""
 LEFT_OUT = "#d55e00"
 """Colour of time ranges that are left out."""
-HANDLE_PX = 8
-"""Half of the width (CSS pixels) of a handle, with which users drag the curve of a term."""
-RATE = "beta"
-"""Name of the parameter that is the inverse correlation time of a process."""
-Drawn = dict[str, Any]
-"""A Plotly figure as a dictionary, which `dcc.Graph` can draw."""
+HANDLE_PX = 8  # half of the width (CSS pixels) of a handle, with which users drag the curve of a term
+RATE = "beta"  # name of the parameter that is the inverse correlation time of a process
+Drawn = dict[str, Any]  # a Plotly figure as a dictionary, which `dcc.Graph` can draw
 
 
 def half_of(width: float) -> float:

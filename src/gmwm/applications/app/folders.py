@@ -12,8 +12,7 @@ from typing import IO
 
 from gmwm.base.errors import OptionError, ReadError
 
-LARGEST_DROP = 4 << 30
-"""Largest size of a dropped file (bytes). Larger files are opened where they are."""
+LARGEST_DROP = 4 << 30  # Largest size of a dropped file (bytes). Larger files are opened where they are.
 
 
 def too_large(size: int) -> ReadError:

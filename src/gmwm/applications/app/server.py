@@ -26,12 +26,9 @@ from gmwm.applications.app.workspace import Desk
 from gmwm.base.errors import GmwmError, GmwmWarning, OptionError, ReadError
 from gmwm.base.extras import library
 
-LARGEST_CALLBACK = 1_000_000
-"""Largest size of the request of a callback (bytes)."""
-LONGEST = {"reference": 100_000}
-"""Largest length of the text of a field; 4000 for all others."""
-RANGES = {"horizon": (-2.0, 3.0), "inflation": (1.0, 20.0)}
-"""Ranges of the sliders."""
+LARGEST_CALLBACK = 1_000_000  # largest size of the request of a callback (bytes)
+LONGEST = {"reference": 100_000}  # largest length of the text of a field; 4000 for all others
+RANGES = {"horizon": (-2.0, 3.0), "inflation": (1.0, 20.0)}  # ranges of the sliders
 
 
 class ForgedRequestError(Exception):
@@ -184,8 +181,7 @@ LOADED = (
 )  # fmt: skip
 """Modules that gmwm imports when it needs them. They are imported before the server starts, because SciPy cannot be
 imported by several threads at once (tests/app/test_server.py)."""
-SIGNAL_CHECK_S = 0.2
-"""Time (s) between two checks for signals such as Ctrl-C."""
+SIGNAL_CHECK_S = 0.2  # time (s) between two checks for signals such as Ctrl-C
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,11 @@ import gmwm
 from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.session import Session
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.base.axis_names import by_sensor, sensor_of
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads, stoppable
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, by_sensor, sensor_of
 from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure
@@ -37,8 +36,7 @@ from gmwm.recording.chunks import Chunk
 from gmwm.recording.signals import Imu, Signal
 
 State = Literal["running", "done", "failed", "cancelled"]
-SILENT_S = 0.3
-"""Time (s) to wait for a result before the progress of a job is shown, so that short jobs show none."""
+SILENT_S = 0.3  # time (s) to wait for a result before the progress of a job is shown, so that short jobs show none
 
 
 class Cancelled(BaseException):
@@ -163,8 +161,7 @@ class Jobs:
             self.revision += 1
 
 
-SCREEN_COLUMNS = 2048
-"""Largest number of columns to which a recording is reduced, which is more than a screen shows."""
+SCREEN_COLUMNS = 2048  # largest number of columns to which a recording is reduced, which is more than a screen shows
 
 
 class Overview:
@@ -246,8 +243,7 @@ def shown_times(relayout: dict[str, Any] | None) -> tuple[float, float] | None:
     return (times[0], times[1]) if len(times) == 2 else None
 
 
-CUTS = ("start", "stop", "skip", "gaps")
-"""Options for reading that leave samples out."""
+CUTS = ("start", "stop", "skip", "gaps")  # options for reading that leave samples out
 
 
 class Workspace:

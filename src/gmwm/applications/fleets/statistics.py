@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +23,13 @@ from gmwm.applications.fleets.statistics_result import (
     looked_for,
 )
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError
-from gmwm.base.multiple_tests import holm
-from gmwm.base.random_effects import effects, prediction_limits, spread_limits
+from gmwm.base.lazy import polars, scipy
+from gmwm.base.statistics import effects, holm, prediction_limits, spread_limits
+from gmwm.base.units import sensor_of
 from gmwm.calibration.tables import in_order
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence, as_size
-
-if TYPE_CHECKING:
-    import polars
 
 _NEEDED = ("unit", "axis", "status", "model")
 
@@ -65,8 +62,6 @@ class FleetSamples:
     """The table of a fleet as arrays with a row for each axis and a column for each unit."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
-        import polars
-
         if missing := [name for name in _NEEDED if name not in table.columns]:
             raise DataError(argument="table", expected=f"a table with the columns {', '.join(_NEEDED)}", got=missing)
         done = table.filter((polars.col("status") == "calibrated") & polars.col("axis").is_not_null())
@@ -179,8 +174,6 @@ def differences(
 
 def hotelling(d: Matrix) -> float | None:
     """Return the p-value of Hotelling's test that the mean of d (p, n) over n units is zero; None if it is singular."""
-    from scipy.special import fdtrc
-
     p, n = d.shape
     mean = d.mean(axis=1)
     # The differences are scaled to unit variance, so that the rank does not depend on the unit.
@@ -191,7 +184,7 @@ def hotelling(d: Matrix) -> float | None:
     if np.linalg.matrix_rank(scatter, hermitian=True) < p:
         return None
     t2 = n * float(mean / size @ np.linalg.solve(scatter, mean / size))
-    return float(fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
+    return float(scipy.special.fdtrc(p, n - p, (n - p) * t2 / (p * (n - 1))))
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
@@ -363,8 +356,6 @@ def _describe(
     read: FleetSamples, samples: Sequence[ParameterSample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
     """Compute typical value, spread and prediction for samples (m, n), each of one or more (dependent) axes."""
-    from scipy.special import stdtrit
-
     at = effects(kept, s2)
     freedom, error = at.count - 1, at.error
     if axes > 1:
@@ -375,7 +366,7 @@ def _describe(
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
     ahead = prediction_limits(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
-    reach = stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
+    reach = scipy.special.stdtrit(np.maximum(freedom, 1.0), (1 + read.confidence) / 2) * error
     numbers = []
     for k, sample in enumerate(samples):
         all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST_UNITS - 1

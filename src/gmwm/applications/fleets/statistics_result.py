@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.fleets.summary_text import statistics_text
-from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.axis_names import sensor_of
-from gmwm.base.differences import Difference, DifferenceTests
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.random_effects import effects
+from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Remark, sorted_remarks
-
-if TYPE_CHECKING:
-    import polars
-    from polars import DataFrame
-
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import effects
+from gmwm.base.units import sensor_of
 
 LEAST_UNITS_FOR_OUTLIERS = 8
 """Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""
@@ -32,12 +27,12 @@ SHARE, MOST = 0.1, 100
 class Deviants:
     """For each of m samples, the k units with the largest distances from the remaining units."""
 
-    places: NDArray[np.int64]  # (m, k) indices of the units, in the order of removal; −1 if fewer units were tested
+    places: Integers  # (m, k) indices of the units, in the order of removal; −1 if fewer units were tested
     distance: Matrix  # (m, k) t statistic of each unit relative to the remaining units
     pvalue: Matrix  # (m, k) p-value of each unit, for a sample without outliers
 
 
-def looked_for(count: Vector) -> NDArray[np.int64]:
+def looked_for(count: Vector) -> Integers:
     """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
@@ -58,8 +53,6 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     p-value is multiplied by n. It is then replaced by the smallest p-value of this unit and the units removed later:
     all units up to the last significant one are outliers. If all s_i are zero, this is Rosner's generalised ESD
     procedure (1983, Technometrics 25, 165-172) with ν_i = n − 2."""
-    from scipy.special import stdtr
-
     remaining = np.array(x, dtype=np.float64)
     tested = looked_for(np.isfinite(remaining).sum(axis=-1))
     shape = (remaining.shape[0], int(tested.max(initial=0)))
@@ -85,7 +78,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         # For a unit with a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from
         # few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
-        chance = 2 * stdtr(freedom, -np.abs(distance[rows, k]))
+        chance = 2 * scipy.special.stdtr(freedom, -np.abs(distance[rows, k]))
         pvalue[rows, k] = np.minimum(1.0, count * chance)
         places[rows, k] = far
     return Deviants(places, distance, np.minimum.accumulate(pvalue[:, ::-1], axis=1)[:, ::-1])
@@ -100,7 +93,7 @@ def remarks_of(found: FleetStatistics) -> list[Remark]:
     return sorted_remarks(_remarks(found))
 
 
-def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
+def of_units(table: polars.DataFrame, units: int, failed: int) -> Iterator[Remark]:
     """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
     if failed:
         yield Remark.of("not-calibrated", case="fleet", failed=failed, units=units)
@@ -191,8 +184,7 @@ def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[s
     return [f"{', '.join(symbols)} of {', '.join(names)}" for names, symbols in groups.items()]
 
 
-SIGNED = "R"
-"""Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms."""
+SIGNED = "R"  # Symbol of the rate ramp. It has a sign, so its values are compared, not their logarithms.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -395,8 +387,6 @@ class FleetStatistics(DifferenceTests):
     @property
     def table(self) -> polars.DataFrame:
         """The rows as a Polars data frame in SI units."""
-        import polars
-
         rows = [asdict(row) | {name: list(getattr(row, name)) for name in ("below", "shown_by")} for row in self.rows]
         return polars.DataFrame(rows, infer_schema_length=None)
 

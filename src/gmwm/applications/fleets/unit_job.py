@@ -11,13 +11,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.atomic_files import written_whole
 from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
-from gmwm.base.forks import require_threads
+from gmwm.base.lazy import polars as pl
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import counted, printable
+from gmwm.base.threads import require_threads
 from gmwm.calibration.calibrate_recordings import calibrate_recording
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import CalibrationOptions
@@ -27,10 +28,6 @@ from gmwm.files.readers.api import read_file, stream_file
 from gmwm.files.readers.streams import Stream, is_large
 from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import Imu
-
-if TYPE_CHECKING:
-    from polars import DataFrame
-
 
 Row = dict[str, Any]
 _INFINITE = "Infinity"
@@ -93,16 +90,12 @@ def _of_axis(found: AxisCalibration) -> Row:
 
 TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
 """Text columns that identify a row. The columns of the recording, the model and the parameters follow them."""
-LIMITS = ("", "_low", "_high", "_unit")
-"""Suffixes of the four columns of a parameter."""
-RUN_AGAIN = "Run the fleet again: finished units are not repeated."
-"""Advice for a run that was not completed."""
+LIMITS = ("", "_low", "_high", "_unit")  # suffixes of the four columns of a parameter
+RUN_AGAIN = "Run the fleet again: finished units are not repeated."  # advice for a run that was not completed
 
 
-def as_table(rows: Iterable[Row]) -> DataFrame:
+def as_table(rows: Iterable[Row]) -> pl.DataFrame:
     """Make the table from rows, with fixed columns and four columns for each parameter that any row has."""
-    import polars as pl
-
     all_rows = list(rows)
     numbers: dict[str, Any] = {
         "samples": pl.Int64, "rate": pl.Float64, "duration": pl.Float64, "model": pl.String, "p_value": pl.Float64,
@@ -122,17 +115,15 @@ def symbols_of(rows: Iterable[Row]) -> list[str]:
     return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
 
 
-def write_table(table: DataFrame, path: Path) -> None:
+def write_table(table: pl.DataFrame, path: Path) -> None:
     """Write the table to a Parquet file. If an error occurs, an existing file is unchanged."""
     require_threads(path)
     with written_whole(path) as temporary, temporary.open("wb") as file:  # Polars opens no path that is not UTF-8
         table.write_parquet(file)
 
 
-def read_table(path: Path) -> DataFrame:
+def read_table(path: Path) -> pl.DataFrame:
     """Read the table from a file that `write_table` wrote."""
-    import polars as pl
-
     if not path.is_file():
         raise ReadError(f"{path} does not exist: no run of this fleet was completed", advice=RUN_AGAIN)
     try:
@@ -144,8 +135,7 @@ def read_table(path: Path) -> DataFrame:
     return table
 
 
-PART = "fleet"
-"""Key of the size and time of the recording, options and table rows in the document of a unit."""
+PART = "fleet"  # key of the size and time of the recording, options and table rows in the document of a unit
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
 """Error numbers of the operating system for which a retry is useless."""
 # All threads of a process share Python's warning filters, and a worker may have several threads.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.axis import MonitoredAxis, Stillness
+from gmwm.applications.monitor.axis import NAMING_S, Event, Fault, MonitoredAxis, Stillness, naming_time
 from gmwm.applications.monitor.baseline import (
     Baseline,
     as_every,
@@ -21,15 +21,13 @@ from gmwm.applications.monitor.baseline import (
     remarks_of,
 )
 from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
-from gmwm.applications.monitor.events import NAMING_S, Event, Fault, naming_time
 from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.recording.chunks import Chunk
 from gmwm.recording.options import as_whole_number
 

@@ -1,18 +1,323 @@
-"""One axis of a monitor: its filter, its charts, and its present fault."""
+"""One axis of a monitor: its filter, charts and present fault, and the events that follow from alarms."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from gmwm.applications.monitor.charts import HISTORY_LEVEL, Alarm, Charts, ChartSettings
-from gmwm.applications.monitor.events import Fault, History, Kind, name_fault
 from gmwm.applications.monitor.whitening import Gain, Whitener, number, numbers, whole
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain_fields
+from gmwm.base.errors import ReadError
+from gmwm.base.text import round_text
+
+Kind = Literal[
+    "noise-up", "noise-down", "jump", "ramp", "hum", "spike", "frozen", "saturated", "lost", "clock", "moved", "still"
+]  # fmt: skip
+"""Kinds of events; see `Event`."""
+KINDS: tuple[Kind, ...] = get_args(Kind)
+_SHOWN = {"rad/s": ("deg/s", 180.0 / math.pi), "rad/s²": ("deg/s²", 180.0 / math.pi)}
+"""Displayed unit for each SI unit, with the conversion factor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """A change of a sensor that a monitor has detected.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of the change. "noise-up" and "noise-down": the noise is larger or smaller at the scale `scale`. "jump" and
+        "ramp": the level changed suddenly, or changes steadily. "hum": a sinusoid appeared. "spike": single samples are
+        wrong. "frozen": all samples are equal. "saturated": all samples are equal and outside the usual range. "lost":
+        samples are missing. "clock": the time stamps went back. "moved": at least three axes changed within a second.
+        "still": the unit is at rest again.
+    time : float
+        Time (s) at which a chart statistic exceeded its threshold.
+    began : float
+        Estimated time (s) at which the change began.
+    axis : str
+        Name of the axis; an empty string for the whole unit.
+    level : int or None
+        Haar level of the chart that raised the alarm.
+    scale : float or None
+        Scale τ = 2^level samples (s) at which the noise changed.
+    size : float or None
+        Size of a jump or a spike, slope of a ramp, amplitude of a hum, step of the clock, or number of lost samples, in
+        `unit`.
+    unit : str
+        Unit of `size`: rad/s or m/s², rad/s² or m/s³ for a ramp, "s" for a step of the clock, or "samples".
+    ratio : float or None
+        Ratio of the standard deviation of the noise at the scale `scale` to the expected one.
+    frequency : float or None
+        Frequency of a hum (Hz), between 0 and half the sampling rate.
+    """
+
+    kind: Kind
+    time: float
+    began: float
+    axis: str = ""
+    level: int | None = None
+    scale: float | None = None
+    size: float | None = None
+    unit: str = ""
+    ratio: float | None = None
+    frequency: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the event as numbers and strings for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Event:
+        """Create an event from the `content` that `to_dict` returned. Other content raises a ReadError."""
+        try:
+            event = cls(**content)
+        except TypeError as error:
+            raise ReadError(f"not an event: {error}") from error
+        if event.kind not in KINDS:
+            raise ReadError(f"not an event: kind must be one of {', '.join(KINDS)}; got {event.kind!r}")
+        return event
+
+    @property
+    def description(self) -> str:
+        """Text that describes the change, without time and axis.
+
+        >>> Event(kind="jump", time=3596.2, began=3596.1, axis="gyro_x", size=0.0019, unit="rad/s").description
+        'level jumped by 0.11 deg/s'
+        """
+        unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
+        amount = "" if self.size is None else round_text(self.size * factor)
+        scale = "" if self.scale is None else f" at a scale of {round_text(self.scale)} s"
+        texts: dict[Kind, str] = {
+            "noise-up": f"noise rose by a factor of {round_text(self.ratio or 1.0)}{scale}",
+            "noise-down": f"noise fell to {round_text(100.0 * (self.ratio or 0.0))} %{scale}",
+            "jump": f"level jumped by {amount} {unit}", "ramp": f"level drifts by {amount} {unit}",
+            "hum": f"periodic disturbance of {amount} {unit} at {round_text(self.frequency or 0.0, 3)} Hz",
+            "spike": f"spike of {amount} {unit}", "frozen": "value does not change any more",
+            "saturated": "value stays at a limit outside the usual range",
+            "lost": f"{int(self.size)} samples lost" if self.size else "samples lost",
+            "clock": f"time stamps went back by {amount} {unit}",
+            "moved": "the unit was moved: charts rest until it is still", "still": "the unit is still again",
+        }  # fmt: skip
+        return texts[self.kind]
+
+    def __str__(self) -> str:
+        subject = self.axis or "unit"
+        return f"{self.time:.1f} s  {subject}  {self.description} (began {self.began:.1f} s)"
+
+
+NAMING_S = 1.0
+"""Time (s) from the first alarm to the report. Alarms of all axes during this time are evaluated together."""
+SLOWNESS, LONGEST_NAMING = 8.0, 60.0
+"""A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
+10 excursions of slow noise are then not jumps (validation/study_monitor.py)."""
+SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
+"""From this level on, a jump must exceed the log-likelihood of slow noise by SLOW_PRIOR
+(validation/study_monitor.py)."""
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The last standardised innovations of an axis."""
+
+    now: int  # number of the next sample
+    fast: Vector  # (n,) the last innovations, up to sample `now` − 1
+    slow: Vector  # (m,) the last sums of innovations over 2^HISTORY_LEVEL samples
+    slow_stop: int  # number of the first sample after the last of these sums
+
+    def since(self, sample: int) -> tuple[Vector, int, int]:
+        """Return innovations from `sample` or earlier on, the number of samples per value, and the first sample."""
+        width = 1 << HISTORY_LEVEL
+        if sample >= self.now - self.fast.size or self.slow.size * width <= self.fast.size:
+            first = max(sample, self.now - self.fast.size)
+            return self.fast[self.fast.size - (self.now - first) :], 1, first
+        count = min(self.slow.size, -(-(self.slow_stop - sample) // width))
+        values = self.slow[self.slow.size - count :] / math.sqrt(width)
+        return values, width, self.slow_stop - count * width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A fault whose kind was determined."""
+
+    kind: Kind
+    onset: int  # number of the sample at which it began
+    level: int | None = None  # Haar level at which it was found
+    size: float | None = None  # size in the unit of the signal, per sample for a ramp
+    ratio: float | None = None  # ratio of the standard deviation of the noise to the expected one
+    cycles: float | None = None  # frequency of a hum (cycles per sample)
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether the change counts as motion if several axes have it at the same time."""
+        louder = self.kind == "noise-up" and (self.ratio or 0.0) >= 2.0
+        return louder or self.kind in ("jump", "ramp", "spike")
+
+    @property
+    def magnitude(self) -> float:
+        """Size of the fault for comparisons: absolute size, or factor between the noise and the expected noise."""
+        if self.ratio:
+            return max(self.ratio, 1.0 / self.ratio)
+        return abs(self.size or 0.0)
+
+
+@dataclass(frozen=True)
+class _LevelChange:
+    """A jump or a ramp fitted to innovations: kind, gain of log-likelihood, size, and index of its beginning."""
+
+    kind: Kind
+    gain: float
+    size: float
+    begin: int
+
+
+def naming_time(alarm: Alarm, rate: float) -> int:
+    """Return the number of samples after a first alarm at which its fault is determined; more for a slow change."""
+    usual = max(round(NAMING_S * rate), 1)
+    if alarm.family != "level":
+        return usual
+    slow = round(SLOWNESS * (alarm.sample - alarm.onset))
+    return max(usual, min(slow, round(LONGEST_NAMING * rate)))
+
+
+def name_fault(alarms: Sequence[Alarm], history: History, gain: Gain, settings: ChartSettings) -> Fault:
+    """Determine the fault that caused the alarms of one axis, in order of time and without the family "constant"."""
+    families = {alarm.family for alarm in alarms}
+    first = alarms[0]
+    if families == {"spike"}:
+        place = history.fast.size - (history.now - first.sample)
+        error = float(history.fast[place]) if place >= 0 else math.sqrt(2.0 * first.score) * first.sign
+        return Fault(kind="spike", onset=first.sample, size=error * math.sqrt(gain.S))
+    noise = _strongest(alarms, "noise up")
+    level = _strongest(alarms, "level")
+    down = _strongest(alarms, "noise down")
+    if down is not None and noise is None and (level is None or down.score > level.score):
+        ratio = _noise_ratio(history, down)
+        return Fault(kind="noise-down", onset=down.onset + 1, level=down.level, ratio=ratio)
+    earliest = next((alarm for alarm in alarms if alarm.family == "level"), first)
+    shape = _course(history, earliest.onset + 1, gain)
+    if noise is None:
+        white = 0.0 if "spike" not in families else _excess(history, first.onset + 1)
+    else:
+        white = max(noise.score, _excess(history, noise.onset + 1))
+    slow, slow_level = _slow_excess(history, earliest.onset + 1) if level is not None else (0.0, 0)
+    # A jump that is detected only after seconds is small compared with slow noise, which is then the more likely cause.
+    prior = SLOW_PRIOR if level is not None and earliest.level >= SLOW_LEVEL and shape.kind == "jump" else 0.0
+    if slow + prior > max(shape.gain, white) and slow_level > 3:
+        ratio = _noise_ratio(history, earliest._replace(level=slow_level))
+        return Fault(kind="noise-up", onset=earliest.onset + 1, level=slow_level, ratio=ratio)
+    if level is not None and shape.gain > white:
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    chosen = noise or first
+    line = _line(history, chosen.onset + 1, gain)
+    if line is not None:
+        cycles, size = line
+        return Fault(kind="hum", onset=chosen.onset + 1, level=chosen.level, size=size, cycles=cycles)
+    if noise is None and level is not None and "spike" not in families:
+        return Fault(kind=shape.kind, onset=shape.begin, level=level.level, size=shape.size)
+    return Fault(
+        kind="noise-up", onset=chosen.onset + 1, level=noise.level if noise else None,
+        ratio=_noise_ratio(history, chosen),
+    )  # fmt: skip
+
+
+def _strongest(alarms: Sequence[Alarm], family: str) -> Alarm | None:
+    candidates = [alarm for alarm in alarms if alarm.family == family]
+    return max(candidates, key=lambda alarm: alarm.score) if candidates else None
+
+
+def _excess(history: History, onset: int) -> float:
+    """Return the log-likelihood ratio of an increased variance of the innovations since the onset, or 0."""
+    values, _, _ = history.since(onset)
+    if not values.size:
+        return 0.0
+    r = float(np.mean(np.square(values)))
+    return 0.5 * values.size * (r - 1.0 - math.log(r)) if r > 1.0 else 0.0
+
+
+def _noise_ratio(history: History, alarm: Alarm) -> float:
+    """Return the ratio of the measured to the expected standard deviation at the level of an alarm, since its onset."""
+    values, width, _ = history.since(alarm.onset + 1)
+    half = max((1 << alarm.level) // 2 // width, 1)
+    if values.size < 2 * half:
+        return math.sqrt(float(np.mean(np.square(values)))) if values.size else math.nan
+    path = np.concatenate([[0.0], np.cumsum(values)])
+    w = path[2 * half :] - 2.0 * path[half:-half] + path[: -2 * half]
+    return math.sqrt(float(np.mean(np.square(w))) / (2.0 * half))
+
+
+def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
+    """Return the jump or ramp of the level that explains the innovations best."""
+    duration = max(history.now - onset, 1)
+    values, width, first = history.since(onset - 3 * duration)
+    step = _thin(gain.step_response(values.size * width), width)
+    slope = _thin(np.cumsum(gain.step_response(values.size * width)), width)
+    place = max((onset - first) // width, 0)
+    near = max(duration // width, 8)
+    jumps = range(max(place - near // 2, 0), min(place + near, values.size - 1) + 1, max(near // 64, 1))
+    ramps = {max(place - k * duration // width, 0) for k in (0, 1, 2, 3)}
+    candidates = [_fit_change("jump", values, step, begin) for begin in jumps]
+    candidates += [_fit_change("ramp", values, slope, begin) for begin in sorted(ramps)]
+    # The best of many possible beginnings fits well by chance, so the logarithm of their number is subtracted.
+    price = {"jump": math.log(max(len(jumps), 1)), "ramp": math.log(len(ramps))}
+    best = max(candidates, key=lambda change: change.gain - price[change.kind])
+    return _LevelChange(best.kind, best.gain, best.size, first + best.begin * width)
+
+
+def _slow_excess(history: History, onset: int) -> tuple[float, int]:
+    """Return the largest log-likelihood ratio of an increased variance of block means since the onset, and its level.
+    It measures slow noise, whose block means do not follow a jump or ramp."""
+    values, width, _ = history.since(onset)
+    best, level = (0.0, 0), width.bit_length() - 1
+    while values.size >= 4:
+        r = float(np.mean(np.square(values)))
+        if r > 1.0:
+            best = max(best, (0.5 * values.size * (r - 1.0 - math.log(r)), level))
+        even = values.size & ~1
+        values, level = (values[0:even:2] + values[1:even:2]) / math.sqrt(2.0), level + 1
+    return best
+
+
+def _thin(values: Vector, width: int) -> Vector:
+    return values if width == 1 else np.asarray(values.reshape(-1, width).sum(axis=1) / math.sqrt(width))
+
+
+def _fit_change(kind: Kind, values: Vector, response: Vector, begin: int) -> _LevelChange:
+    here, g = values[begin:], response[: values.size - begin]
+    power = float(g @ g)
+    if power == 0:
+        return _LevelChange(kind, 0.0, 0.0, begin)
+    size = float(g @ here) / power
+    return _LevelChange(kind, 0.5 * size * size * power, size, begin)
+
+
+def _line(history: History, onset: int, gain: Gain) -> tuple[float, float] | None:
+    """Return frequency (cycles per sample) and amplitude of a significant sinusoid that explains much of the excess."""
+    start = max(onset, history.now - history.fast.size)
+    values = history.fast[history.fast.size - (history.now - start) :]
+    if values.size < 64:
+        return None
+    size = 4 * values.size
+    window = np.hanning(values.size + 2)[1:-1]
+    power = np.square(np.abs(np.fft.rfft(values * window, size))) / float(np.sum(window**2))
+    power[:8] = 0.0  # frequencies of slow noise, not of a hum
+    peak = int(np.argmax(power[: size // 2]))
+    background = float(np.median(power[8 : size // 2])) / math.log(2.0)
+    # Chance of such a peak at any frequency without a sinusoid.
+    if power[peak] / max(background, 1.0) < math.log(values.size / 1e-4):
+        return None
+    amplitude = 2.0 * math.sqrt(float(power[peak]) * float(np.sum(window**2))) / float(np.sum(window))
+    excess = float(np.mean(np.square(values))) - 1.0
+    if 0.5 * amplitude**2 < 1.0 / 3.0 * excess:  # share of the excess power (validation/study_monitor.py)
+        return None
+    cycles = peak / size
+    return cycles, amplitude / gain.magnitude(cycles)
 
 
 @dataclass(frozen=True)
@@ -63,8 +368,7 @@ _EXPLAINED: Mapping[str, frozenset[str]] = {
     "spike": frozenset({"spike"}), "frozen": _EVERYTHING, "saturated": _EVERYTHING, "moved": _EVERYTHING - {"constant"},
 }  # fmt: skip
 """Families of alarms that a reported fault explains, by kind of the fault."""
-_SILENT = ("frozen", "saturated", "moved")
-"""Kinds of faults that explain innovations of any size."""
+_SILENT = ("frozen", "saturated", "moved")  # kinds of faults that explain innovations of any size
 _OWN: Mapping[str, frozenset[str]] = {
     "noise-up": frozenset({"noise up"}), "hum": frozenset({"noise up"}), "noise-down": frozenset({"noise down"}),
     "ramp": frozenset({"level"}), "spike": frozenset({"spike"}),

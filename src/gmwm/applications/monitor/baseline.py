@@ -5,38 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.applications.monitor.charts import (
-    BLOCKS_OF_LEVEL,
-    ChartSettings,
-    differences,
-    spike_limit,
-    white_shape,
-    window,
-)
+from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate
 from gmwm.base.documents import plain_fields
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length
 from gmwm.calibration.additions import AxisAddition
+from gmwm.files.readers.streams import Stream
 from gmwm.fitting.estimation.result import Fit
 from gmwm.recording.chunks import Chunk
-from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, as_model
 
-if TYPE_CHECKING:
-    from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Signal
-
-
-LEAST_BLOCKS = 80
-"""Least blocks for the mean square of a level: standard error below 7 %, less than the dead band."""
+LEAST_BLOCKS = 80  # least blocks for the mean square of a level: standard error below 7 %, less than the dead band
 LARGEST_RATIO = 1e15
 """Largest number in a baseline; ratios, shapes and scatter are at least its inverse. Other numbers are damage."""
 
@@ -108,7 +96,7 @@ class Baseline(FrozenArrays):
         total = sum(e.size for e in errors)
         if not ratios.size or not scatter:
             raise DataError(
-                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * BLOCKS_OF_LEVEL} "
+                f"the reference has {total} samples, and a baseline needs {LEAST_BLOCKS * 2 * charts.BLOCKS_OF_LEVEL} "
                 "without a gap",
                 argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
             )  # fmt: skip
@@ -119,13 +107,13 @@ class Baseline(FrozenArrays):
             lowest=float(values.min()), highest=float(values.max()),
         )  # fmt: skip
 
-    def settings(self) -> ChartSettings:
+    def settings(self) -> charts.ChartSettings:
         """Return the settings of the charts for this baseline."""
-        return ChartSettings(
+        return charts.ChartSettings(
             # Dead band: parts of a recording in docs/validation/monitor.md differ by less.
             self.ratios, self.shapes, scatter=np.array(self.scatter), band=1.1,
             # Shorter runs never count as frozen.
-            tail=max(1.0, self.largest / spike_limit(self.samples)), equal=max(2 * self.equal, 8),
+            tail=max(1.0, self.largest / charts.spike_limit(self.samples)), equal=max(2 * self.equal, 8),
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -184,13 +172,13 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
     shapes: list[float] = []
     while True:
         level = len(ratios) + 1
-        base, m = window(level)
+        base, m = charts.window(level)
         blocks = _blocks(sums[base], m, level)
         if blocks.size < LEAST_BLOCKS:
             return np.array(ratios), np.array(shapes)
         mean = float(np.mean(blocks))
         ratios.append(mean)
-        shapes.append(min(white_shape(level), *_shapes(blocks / mean)))
+        shapes.append(min(charts.white_shape(level), *_shapes(blocks / mean)))
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
@@ -206,14 +194,16 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
     """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
     the segments."""
-    long = [part for part in segments if part.size >= BLOCKS_OF_LEVEL * m]
+    long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
     if not long:
         return np.zeros(0)
     sizes = np.array([part.size for part in long])
-    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (BLOCKS_OF_LEVEL * m)
-    first = np.repeat(starts - BLOCKS_OF_LEVEL * m * (np.cumsum(counts) - counts), counts)
-    places = first[:, None] + np.arange(counts.sum() * BLOCKS_OF_LEVEL * m).reshape(-1, BLOCKS_OF_LEVEL * m)
-    squares = np.square(differences(np.concatenate(long), m)) / 2.0**level
+    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (charts.BLOCKS_OF_LEVEL * m)
+    first = np.repeat(starts - charts.BLOCKS_OF_LEVEL * m * (np.cumsum(counts) - counts), counts)
+    places = first[:, None] + np.arange(counts.sum() * charts.BLOCKS_OF_LEVEL * m).reshape(
+        -1, charts.BLOCKS_OF_LEVEL * m
+    )
+    squares = np.square(charts.differences(np.concatenate(long), m)) / 2.0**level
     return np.asarray(squares[places].mean(axis=1))
 
 

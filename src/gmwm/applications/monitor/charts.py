@@ -13,10 +13,10 @@ from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.monitor.whitening import numbers, whole, wholes
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
+from gmwm.base.lazy import scipy
 
 DESIGN_SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
@@ -66,8 +66,6 @@ def shape_factor(sums: int, ratio: float) -> float:
     blocks, for white normal innovations. Consecutive coefficients of m block sums have the spectral density g(ω) = |Σ ±
     e^{ikω}|²/m. By Szegő's theorem, the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R,
     over all ω."""
-    from scipy.optimize import brentq
-
     omega = (np.arange(4096) + 0.5) * np.pi / 4096
     signs = np.repeat([-1.0, 1.0], sums // 2)
     density = np.square(np.abs(np.exp(1j * np.outer(omega, np.arange(sums))) @ signs)) / sums
@@ -79,7 +77,7 @@ def shape_factor(sums: int, ratio: float) -> float:
         return float(-0.5 * np.mean(np.log1p(-2.0 * q * slope * density))) - q * math.log(ratio)
 
     largest = 0.5 / (usual * slope * float(density.max())) if slope > 0 else 10.0
-    return float(brentq(excess, 1e-3, min(largest * (1.0 - 1e-9), 10.0)))
+    return float(scipy.optimize.brentq(excess, 1e-3, min(largest * (1.0 - 1e-9), 10.0)))
 
 
 def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 120) -> float:
@@ -100,25 +98,20 @@ def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 
 
 def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
     """Return the probability that an increment l is at most `values`."""
-    from scipy.special import gammainc, gammaincc
-
     slope = 1.0 - 1.0 / ratio
     y = np.maximum((values / shape + math.log(ratio)) / slope, 0.0)
-    probability = gammainc(shape, y * shape) if slope > 0 else gammaincc(shape, y * shape)
+    probability = scipy.special.gammainc(shape, y * shape) if slope > 0 else scipy.special.gammaincc(shape, y * shape)
     return np.asarray(probability, dtype=np.float64)
 
 
 def spike_limit(run_length: float) -> float:
     """Return the limit that |e| exceeds on average once in `run_length` samples, for standard normal e."""
-    from scipy.special import ndtri
-
-    return float(-ndtri(0.5 / run_length))
+    return float(-scipy.special.ndtri(0.5 / run_length))
 
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
 """Quantity that a chart monitors: mean squares ("noise up", "noise down"), means ("level"), single innovations
 ("spike"), or runs of equal samples ("constant")."""
-Integers = NDArray[np.int64]
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
     ("noise up", 1, 2.0), ("noise up", 1, 1.25), ("noise down", -1, 1.0 / 1.5),
@@ -129,12 +122,10 @@ increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
 BLOCKS_OF_LEVEL = 4
 """Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
 (docs/validation/monitor.md)."""
-STATISTIC_UNIT = 2.0**24
-"""The chart statistics are integers in units of 1/UNIT."""
+STATISTIC_UNIT = 2.0**24  # the chart statistics are integers in units of 1/UNIT
 LARGEST_INNOVATION = 6.0
 """Limit of innovations, means and coefficients (standard deviations), so that a wrong sample is no jump."""
-LONGEST_PAUSE_S = 60.0
-"""Longest pause (s) of a chart between two alarms while a fault lasts."""
+LONGEST_PAUSE_S = 60.0  # longest pause (s) of a chart between two alarms while a fault lasts
 
 
 class Alarm(NamedTuple):
@@ -404,8 +395,7 @@ class Charts:
 
 
 States = tuple[list[int], list[int], list[int], list[int]]
-HISTORY_LEVEL = 6
-"""Level of the block sums that are kept to determine the kind of a slow fault."""
+HISTORY_LEVEL = 6  # level of the block sums that are kept to determine the kind of a slow fault
 
 
 def differences(sums: Vector, m: int) -> Vector:

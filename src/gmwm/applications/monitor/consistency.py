@@ -19,7 +19,9 @@ from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.lazy import scipy
+from gmwm.base.results import Plotted, register
+from gmwm.base.statistics import autocorrelation
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
@@ -27,7 +29,6 @@ from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, TRUE_CLAIM, Us
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
-from gmwm.recording.autocorrelation import autocorrelation
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases
@@ -36,8 +37,7 @@ from gmwm.showing.exporters.reduction import AxisNoise, Number
 from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW, WN
 
 WIDEST_INTERVAL = 2.0
 """Largest ratio of the limits of an interval that decides. A filter that claims half of its error is then detected.
@@ -233,7 +233,7 @@ class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
 def _ratio(error: PredictionError) -> str:
     if math.isnan(error.ratio):
         return "too short"
-    return f"{error.ratio:.2f} ({error.low:.2f} … {error.high:.2f}) {MARKS[error.verdict]}"
+    return f"{error.ratio:.2f} {MARKS[error.verdict]} ({error.low:.2f} … {error.high:.2f})"
 
 
 register(Consistency, "gmwm.applications.monitor.plot:plot_consistency")
@@ -449,8 +449,6 @@ def independent_squares(errors: Vector) -> float:
 
 
 def _prediction(innovations: _Innovations, samples: int, rate: float, level: float) -> PredictionError:
-    from scipy.stats import chi2
-
     claimed, errors = innovations.errors(samples)
     # Five horizons, without overlap, are the fewest from which an error is estimated.
     if errors.size < 5 * min(4, samples):
@@ -458,7 +456,7 @@ def _prediction(innovations: _Innovations, samples: int, rate: float, level: flo
             horizon=samples / rate, claimed=claimed, real=math.nan, low=0.0, high=math.inf, independent=0.0
         )
     square, count = float(np.mean(errors**2)), independent_squares(errors)
-    low, high = (math.sqrt(chi2.ppf(p, count) / count / square) for p in ((1 - level) / 2, (1 + level) / 2))
+    low, high = (math.sqrt(scipy.stats.chi2.ppf(p, count) / count / square) for p in ((1 - level) / 2, (1 + level) / 2))
     return PredictionError(
         horizon=samples / rate, claimed=claimed, real=claimed * math.sqrt(square), low=low, high=high,
         independent=count,
@@ -468,8 +466,6 @@ def _prediction(innovations: _Innovations, samples: int, rate: float, level: flo
 def _axis_consistency(
     axis: str, signal: Signal, model: Model, *, errors: _Innovations, times: Sequence[float], level: float
 ) -> AxisConsistency:
-    from scipy.stats import chi2
-
     counts = [samples_in(time, signal.rate) for time in times]
     octaves = [2**k for k in range(1 + int(math.log2(max(counts))))]
     by_samples = {n: _prediction(errors, n, signal.rate, level) for n in {*counts, *octaves}}
@@ -477,7 +473,8 @@ def _axis_consistency(
         raise DataError("the recording has fewer than 5 samples after the filter has settled", argument="recording")
     single = by_samples[1]
     band = tuple(
-        float(chi2.ppf(p, single.independent)) / single.independent for p in ((1 - level) / 2, (1 + level) / 2)
+        float(scipy.stats.chi2.ppf(p, single.independent)) / single.independent
+        for p in ((1 - level) / 2, (1 + level) / 2)
     )
     return AxisConsistency(
         axis=axis, unit=signal.unit, model=str(model), nis=single.nees, nis_band=(band[0], band[1]),

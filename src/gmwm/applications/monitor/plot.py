@@ -1,26 +1,28 @@
-"""Plots of a monitor, with its events and control charts, and of the consistency of a filter."""
+"""Plots of a monitor and of the consistency of a filter, and the summary of a monitor as an HTML page."""
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
-from gmwm.base.axis_names import AXES, axis_quantity
-from gmwm.base.errors import DataError
-from gmwm.base.units import SI_UNIT
+from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
+from gmwm.base.atomic_files import write_text
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.text import duration_text, version
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
 from gmwm.showing.plots.imu import grid_figure
 from gmwm.showing.plots.labels import UnitSystem, axis_title, view_of
 from gmwm.showing.plots.style import BLUE, DASHED, GREEN, GREY, IMPLIED, OBSERVED, ORANGE, PURPLE, VERMILLION
-
-if TYPE_CHECKING:
-    from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 
 _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN), "level": ("Level", PURPLE)}
 
@@ -99,7 +101,9 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         Polyline(times, real, OBSERVED, label="Real error", layer=3),
     ]
     y = value_axis(limits_of(np.concatenate([claimed, real])), f"Error of the mean ({view.unit or 'unit of the data'})")
-    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(Text(axis.verdict, 0.5, 0.94),))
+    at = ", ".join(duration_text(error.horizon) for error in axis.errors if error.verdict == axis.verdict)
+    text = Text(f"{axis.verdict} at {at}", 0.5, 0.94)
+    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(text,))
 
 
 @drawing
@@ -108,3 +112,48 @@ def plot_consistency(
 ) -> Figure:
     """Draw the claimed and the real error of the mean over the next T seconds against T, a panel for each axis."""
     return grid_figure({axis: _panel(each, result.level, units) for axis, each in result.items()})
+
+
+def monitor_data(trace: Trace) -> dict[str, Any]:
+    """Return the content of the page, without the plot, as plain data."""
+    monitor = trace.monitor
+    rows = [["Time (s)", "Began (s)", "Axis", "Kind", "Event"]]
+    rows += [
+        [f"{event.time:.2f}", f"{event.began:.2f}", event.axis or "unit", event.kind, event.description]
+        for event in trace.events
+    ]
+    facts = [
+        *([("Source", PureWindowsPath(trace.source).name)] if trace.source else []), ("Axes", ", ".join(monitor.axes)),
+        ("Duration", duration_text(monitor.samples / monitor.rate)), ("Samples", str(monitor.samples)),
+        ("Sampling rate", f"{monitor.rate:g} Hz"), ("Time between false alarms", duration_text(monitor.every)),
+        ("Baseline", ", ".join(monitor.baselines) or "none: the models alone"),
+    ]  # fmt: skip
+    models = [["Axis", "Model"], *([axis, model.structure] for axis, model in monitor.models.items())]
+    return {
+        "title": "Monitor of a sensor at rest", "gmwm": version(), "state": "bad" if trace.events else "good",
+        "headline": trace.summary(), "facts": facts, "rows": rows, "models": models,
+    }  # fmt: skip
+
+
+def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
+    """Write the summary of a monitor as HTML. `Trace.report` describes the arguments."""
+    file = Path(path)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
+    write_text(file, page(trace))
+    return file
+
+
+def page(trace: Trace) -> str:
+    """Return the summary as HTML, which includes the plot."""
+    from gmwm.showing.reports.write import environment, part  # imports most of gmwm, which plots do not need
+
+    buffer = io.BytesIO()
+    trace.plot().savefig(buffer, format="png", dpi=120)
+    template = environment().from_string(part("page/monitor.html"))
+    html: str = template.render(
+        **monitor_data(trace),
+        policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
+        style=part("page/report.css"), picture=base64.b64encode(buffer.getvalue()).decode(),
+    )  # fmt: skip
+    return html

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmwm.applications.monitor.api import Monitor
+from gmwm.applications.monitor.axis import NAMING_S, Event
 from gmwm.applications.monitor.baseline import Baseline, as_every, check_rate, chunks_of, common_rate, models_of
-from gmwm.applications.monitor.events import NAMING_S, Event
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.files.readers.streams import Stream
 from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.recording.signals import Imu
 from gmwm.theory.processes.model import Model
 
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu
-
-UNITS_TO_COMPARE = 3
-"""Smallest number of units with which the changed unit can be identified."""
-LONGEST_MOTION_S = 60.0
-"""Longest time (s) for which all units may move together."""
+UNITS_TO_COMPARE = 3  # smallest number of units with which the changed unit can be identified
+LONGEST_MOTION_S = 60.0  # longest time (s) for which all units may move together
 
 
 class UnitEvent(NamedTuple):

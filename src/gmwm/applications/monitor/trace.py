@@ -5,27 +5,24 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.applications.monitor.api import Monitor
+from gmwm.applications.monitor.axis import Event
 from gmwm.applications.monitor.baseline import chunks_of
-from gmwm.applications.monitor.events import Event
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import counted, duration_text
+from gmwm.files.readers.streams import Stream
 from gmwm.recording.chunks import Chunk
-
-if TYPE_CHECKING:
-    from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu
 
 STEP, LOOKS = 512, 256
 """The chart statistics are recorded after each STEP samples or, later, after 1/LOOKS of the samples so far."""
-FAMILIES = ("noise up", "noise down", "level")
-"""Families of charts whose statistics are recorded."""
+FAMILIES = ("noise up", "noise down", "level")  # families of charts whose statistics are recorded
 
 
 class Trace(Plotted):
@@ -108,7 +105,7 @@ class Trace(Plotted):
 
         If `path` does not end in .html, or another error occurs, no file is written.
         """
-        from gmwm.applications.monitor.report import monitor_report
+        from gmwm.applications.monitor.plot import monitor_report
 
         return monitor_report(self, path)
 

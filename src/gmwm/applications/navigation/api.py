@@ -22,11 +22,11 @@ import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector, as_rate
-from gmwm.base.axis_names import AXES
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY
 from gmwm.choosing.datasheets.bias import FitCurve
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, variance_limit
@@ -36,12 +36,11 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks, start_at_zero
 from gmwm.theory.processes.model import Model, as_model
+from gmwm.theory.processes.validation import require_values
 from gmwm.theory.statespace import StateSpace
 
-EARTH_RADIUS_M = 6.371e6
-"""Mean radius of the Earth (m)."""
-EARTH_RATE = 7.292115e-5
-"""Rotation rate of the Earth (rad/s), WGS 84."""
+EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth (m)
+EARTH_RATE = 7.292115e-5  # rotation rate of the Earth (rad/s), WGS 84
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +54,10 @@ class Response:
 
     def step(self, dt: float) -> tuple[Matrix, Vector]:
         """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
-        from scipy.linalg import expm
-
         q = self.drive.size
         joint = np.zeros((q + 1, q + 1))
         joint[:q, :q], joint[:q, q] = self.a, self.drive
-        joint = expm(joint * dt)
+        joint = scipy.linalg.expm(joint * dt)
         return joint[:q, :q], joint[:q, q]
 
 
@@ -104,21 +101,21 @@ def mean_squares(
     from levelling, and all errors without a rest, are those since a known bias: all noise except oscillations is zero
     at the start. `gain` is that of the filter that estimates the bias in the rest."""
     if not rest:
-        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, (0, gain))
-    squares = _mean_squares(process.state_space(rate), rate, motion, steps, (rest, gain))
+        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(0, gain))
+    squares = _mean_squares(process.state_space(rate), rate, motion, steps, start=(rest, gain))
     if np.any(motion.at_start):
-        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, (rest, gain))
+        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(rest, gain))
         squares[:, :3] = known[:, :3]
     return squares
 
 
 def _mean_squares(
-    space: StateSpace, rate: float, motion: Response, steps: Sequence[int], rest_and_gain: tuple[int, float]
+    space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, start: tuple[int, float]
 ) -> Matrix:
     p, q = space.states, motion.drive.size
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
-    rest, gain = rest_and_gain
+    rest, gain = start
     if rest:
         # The gain of a filter that starts without a bias is 1/k until its time constant, and constant after it.
         first = min(rest, max(1, round(1 / gain))) if gain > 0 else rest
@@ -210,12 +207,7 @@ class BudgetAxis:
                 axis, _present(axis, terms, wv.rate), wv.rate, curve, wavelet_variance=wv, longest=float(wv.tau[-1]) / 2
             )
         model = as_model(source)
-        missing = [name for name, value in model.parameters.items() if value is None]
-        if missing:
-            raise ModelError(
-                f"the error budget of {model} needs a value for {', '.join(missing)}",
-                advice="Write the values into the model, or calibrate a recording.",
-            )
+        require_values(model, "the error budget", "Write the values into the model, or calibrate a recording.")
         if rate is None:
             raise OptionError(argument="rate", expected="the sampling rate (Hz), because a model has none", got=rate)
         rate = as_rate(rate)
@@ -288,10 +280,8 @@ def _present(axis: str, terms: Mapping[str, Process], rate: float) -> dict[str, 
     return present
 
 
-GRAVITY = STANDARD_GRAVITY
-"""Default gravity (m/s²)."""
-LATITUDE = 45.0
-"""Default latitude (deg)."""
+GRAVITY = STANDARD_GRAVITY  # default gravity (m/s²)
+LATITUDE = 45.0  # default latitude (deg)
 REST_S = 60.0
 """Default time at rest before navigation (s), after which most filters know the biases (docs/howto/budget.md)."""
 _DEGREE = math.pi / 180

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gmwm.applications.navigation.result import error_text, headline, start, terms_text
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, texts
+from gmwm.calibration.result import Calibration
 from gmwm.showing.reports.content import Section
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import Calibration
 
 
 def budget_section(calibration: Calibration) -> Section | None:

@@ -26,8 +26,7 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-LARGEST_GAP = 1e-3
-"""The search ends when the relative gap between the objective and its lower bound is at most this."""
+LARGEST_GAP = 1e-3  # the search ends when the relative gap between the objective and its lower bound is at most this
 
 
 @dataclass(frozen=True, eq=False)

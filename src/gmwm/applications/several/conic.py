@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.several.matrices import entries, symmetric
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector
+from gmwm.base.lazy import scipy
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +23,16 @@ class Cone:
     """Pattern of the free entries in the covariance matrices of P terms."""
 
     d: int
-    full: NDArray[np.bool_]  # (P,) true if all entries of the matrix of a term are free, False if it is diagonal
+    full: Booleans  # (P,) true if all entries of the matrix of a term are free, False if it is diagonal
 
     @cached_property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Booleans:
         """Mask of the free entries among the P d(d + 1)/2 entries, term by term."""
         rows, columns = entries(self.d)
         return np.concatenate([np.ones(rows.size, bool) if is_full else rows == columns for is_full in self.full])
 
     @cached_property
-    def terms(self) -> NDArray[np.int64]:
+    def terms(self) -> Integers:
         """Number of the term to which each free entry belongs."""
         count = entries(self.d)[0].size
         return np.repeat(np.arange(self.full.size), count)[self.free]
@@ -129,9 +129,7 @@ def _least_squares(design: Matrix, target: Vector, cone: Cone, *, gap: float, wa
 
 def _solve(matrix: Matrix, vector: Vector) -> Vector:
     """Solve matrix · x = vector for a positive definite matrix, by elimination if rounding makes it indefinite."""
-    from scipy.linalg.lapack import dposv
-
-    _, x, failed = dposv(matrix, vector)
+    _, x, failed = scipy.linalg.lapack.dposv(matrix, vector)
     return np.asarray(np.linalg.solve(matrix, vector) if failed else x)
 
 
@@ -170,12 +168,10 @@ class _Barrier:
 
     def inside(self, rows: Matrix, y: Vector) -> Vector | None:
         """Return the solution without constraints if all its matrices are positive definite; it is then the optimum."""
-        from scipy.linalg.lapack import dtrtrs
-
         pivots = np.abs(np.diag(rows))
         if rows.shape[0] < rows.shape[1] or pivots.min() <= 1e-9 * pivots.max():
             return None
-        s, _ = dtrtrs(rows, y)
+        s, _ = scipy.linalg.lapack.dtrtrs(rows, y)
         if np.any(s[self.diagonal] <= 0):
             return None
         if self.count:

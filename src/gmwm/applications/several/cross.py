@@ -24,8 +24,9 @@ from gmwm.applications.several.matrices import (
 from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.statistics import holm
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import RecordingAddition
 from gmwm.calibration.findings import TEST_SIZE
@@ -144,8 +145,7 @@ def _size(values: Vector) -> float:
     return 1 / size if size > 0 else 1.0
 
 
-LARGEST_DELAY_SAMPLES = 3
-"""Largest delay (samples) that can be found."""
+LARGEST_DELAY_SAMPLES = 3  # largest delay (samples) that can be found
 LARGEST_LAG_SAMPLES = 12
 """Largest lag (samples) of the correlations. A sinusoid is correlated at all lags, delayed broadband noise is not."""
 GAIN_IN_ERRORS = 5.0
@@ -384,19 +384,15 @@ def _sum(first: Model, second: Model) -> Model:
 
 def _pvalues(correlation: Vector, freedom: Vector) -> Vector:
     """Return two-sided p-values (J,) of the hypothesis of zero correlation, from Student's distribution."""
-    from scipy.special import stdtr
-
     with np.errstate(divide="ignore", invalid="ignore"):
         score = np.abs(correlation) * np.sqrt((freedom - 1) / (1 - correlation**2))
-        return np.asarray(2 * stdtr(freedom - 1, -score))
+        return np.asarray(2 * scipy.special.stdtr(freedom - 1, -score))
 
 
 def _limits(correlation: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
     """Return the confidence limits (J,) of correlations, from Fisher's transformation."""
-    from scipy.special import ndtri
-
     with np.errstate(divide="ignore", invalid="ignore"):
-        half = ndtri(0.5 + confidence / 2) / np.sqrt(freedom - 2)
+        half = scipy.special.ndtri(0.5 + confidence / 2) / np.sqrt(freedom - 2)
         middle = np.arctanh(correlation)
         return np.tanh(middle - half), np.tanh(middle + half)
 
@@ -478,9 +474,12 @@ class SharedNoiseAddition(RecordingAddition):
             pairs.sort(key=lambda pair: -abs(pair.correlation))
             strongest = pairs[0]
             first, second = strongest.axes
+            names = tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))
+            # At longer scales, few values decide the correlation, and N and K hardly depend on them.
+            largest = {"/".join(pair.axes): pair.correlation for pair in reversed(pairs) if pair.tau <= 100}
             yield Remark.of(
-                "noise-shared", case="calibration",
-                **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
+                "noise-shared", case="calibration", **pairs_facts(names),
+                correlations=tuple(largest.get(name, 0.0) for name in names),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
                 size=TEST_SIZE,
             )  # fmt: skip

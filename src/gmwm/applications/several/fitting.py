@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several.conic import Cone
 from gmwm.applications.several.matrices import (
@@ -30,8 +30,9 @@ from gmwm.applications.several.search import (
     resume,
     search,
 )
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Matrix, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.measuring.covariance.design import Design
 from gmwm.recording.signals import Imu, Signal
@@ -169,8 +170,6 @@ def _scale(problem: JointProblem, implied: Matrix) -> Matrix:
 
 def _root(wavelet: Matrix) -> Matrix:
     """Return L with LᵀL = V⁻¹."""
-    from scipy.linalg.lapack import dtrtri
-
     size = np.sqrt(np.diag(wavelet))
     if np.all(size > 0):
         try:
@@ -179,16 +178,14 @@ def _root(wavelet: Matrix) -> Matrix:
             pass
         else:
             if float(np.diag(factor).min()) > 1e-5:  # without noise, rounding leaves 3e-7
-                return np.asarray(dtrtri(factor, lower=1)[0] / size)
+                return np.asarray(scipy.linalg.lapack.dtrtri(factor, lower=1)[0] / size)
     raise ModelError(
         "the model as estimated has no noise in some combination of the signals, so its weights do not exist",
         argument="model", advice="Add own noise of all signals to the model, for example WN.",
     )  # fmt: skip
 
 
-def chosen_levels(
-    design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE
-) -> NDArray[np.bool_]:
+def chosen_levels(design: Design, levels: int | Sequence[int] | None, least: float = LEAST_PER_SCALE) -> Booleans:
     """Return the mask of the levels: those listed, a number of finest ones, or those with `least` freedom."""
     if levels is None:
         return np.asarray(design.degrees_of_freedom >= least)
@@ -309,8 +306,6 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
     statistic is larger than that of a chi-square variable. For η independent coefficients of d signals, S = W/η has a
     Wishart distribution, and the part (η/2) tr(S − I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) +
     d(2d² + 5d + 5)/η. The estimated parameters reduce this part by the mean leverage h_j of the level."""
-    from scipy.special import gammaincc
-
     problem = settled.problem
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.
@@ -324,9 +319,10 @@ def misfit(settled: JointSolution) -> GoodnessOfFit:
     # The p-value is that of a multiple of a chi-square variable with the same mean and variance.
     inflation = 1 + excess / (2 * df) if df else 1.0
     statistic = float(residual @ residual)
+    pvalue = float(scipy.special.gammaincc(df / inflation / 2, statistic / inflation / 2))
     return GoodnessOfFit(
-        statistic=statistic, df=df, pvalue=float(gammaincc(df / inflation / 2, statistic / inflation / 2)),
-        levels=problem.design.levels.copy(), left_out=(), method="asymptotic",
+        statistic=statistic, df=df, pvalue=pvalue, levels=problem.design.levels.copy(), left_out=(),
+        method="asymptotic",
     )  # fmt: skip
 
 

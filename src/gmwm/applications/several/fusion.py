@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several.conic import least_squares
 from gmwm.applications.several.fitting import JointSolution, errors, measured_at, misfit, settle
@@ -22,7 +22,7 @@ from gmwm.applications.several.fusion_result import (
 from gmwm.applications.several.matrices import WaveletMatrices, entries, moment_covariance, stack, wavelet_matrices
 from gmwm.applications.several.search import joint_terms
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.text import duration_text
 from gmwm.measuring.covariance.api import covariance
@@ -120,7 +120,7 @@ def unit_of(settled: JointSolution) -> float:
     return float(np.exp(-2 * np.mean(np.log(settled.unit))))
 
 
-def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) -> Vector:
+def optimism(settled: JointSolution, design: Design, levels: Integers) -> Vector:
     """Return the factor (J,) by which the variance in other recordings is larger than predicted, by a parametric
     bootstrap. Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them.
     The factor is the mean variance under the fitted model over the mean variance under these estimates, and at least
@@ -144,8 +144,7 @@ def optimism(settled: JointSolution, design: Design, levels: NDArray[np.int64]) 
     return np.asarray(np.maximum(achieved / predicted, 1.0))
 
 
-Horizon: TypeAlias = float | tuple[float, float]
-"""Scale (s), or lowest and highest scale of a range."""
+Horizon: TypeAlias = float | tuple[float, float]  # scale (s), or lowest and highest scale of a range
 SPARE_FREEDOM = 2.0
 """Degrees of freedom that d weights need beyond d. With d + 1, the expected variance elsewhere is infinite."""
 

@@ -11,31 +11,26 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.applications.several.matrices import synchronous_signals
 from gmwm.applications.several.state_space import factor
-from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.axis_names import AXES
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, duration_text, table_with_rule
+from gmwm.base.units import AXES
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
 
-if TYPE_CHECKING:
-    from polars import DataFrame
-
-
-BLOCK_SAMPLES = 256
-"""Number of consecutive samples that are filtered by one matrix product."""
+BLOCK_SAMPLES = 256  # number of consecutive samples that are filtered by one matrix product
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,18 +122,16 @@ class ArrayNoise:
 
     def filter(self) -> DifferenceFilter:
         """Return the Kalman filter on the differences of the signals."""
-        from scipy.linalg import block_diag, null_space
-
         white = self.white
         d = len(white)
         inverse = np.linalg.solve(white, np.ones(d))
         weights = inverse / inverse.sum()
-        differences = null_space(np.ones((1, d))).T
+        differences = scipy.linalg.null_space(np.ones((1, d))).T
         seen = [self._observed_parts(space, sigma, differences, weights=weights)
                 for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]  # fmt: skip
         if not sum(part[0].shape[0] for part in seen):
             return DifferenceFilter.static(weights)
-        F, Q = (block_diag(*(part[k] for part in seen)) for k in (0, 1))
+        F, Q = (scipy.linalg.block_diag(*(part[k] for part in seen)) for k in (0, 1))
         H, C = np.concatenate([part[2] for part in seen], axis=1), np.concatenate([part[3] for part in seen])
         R = differences @ white @ differences.T
         ahead = _steady(F, Q, H, R)
@@ -162,11 +155,9 @@ class ArrayNoise:
         make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is the steady-state
         response to a constant z. The remainder e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, with the
         increments w of z and all other noise n."""
-        from scipy.linalg import block_diag
-
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
-        F = block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
-        Q = block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))
+        F = scipy.linalg.block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
+        Q = scipy.linalg.block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))
         H = np.concatenate([np.kron(space.H, root) for space, root in parts], axis=1)
         walk = np.concatenate([np.repeat(space.diffuse, root.shape[1]) for space, root in parts])
         gain = filter.K @ filter.differences
@@ -187,14 +178,14 @@ class ArrayNoise:
         start[np.ix_(stays, stays)] = _stationary(transition[np.ix_(stays, stays)], noise[np.ix_(stays, stays)])
         return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
-    def static(self, weights: Vector, levels: NDArray[np.int64]) -> Vector:
+    def static(self, weights: Vector, levels: Integers) -> Vector:
         """Return the wavelet variance (J,) of a weighted sum of the signals."""
         scales = np.einsum("a,pab,b->p", weights, self.sigmas, weights)
         shapes = np.array([process.wavelet_variance(levels, self.rate) for process in self.processes])
         return np.asarray(scales @ shapes)
 
 
-def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: NDArray[np.int64]) -> Vector:
+def wavelet_variance(noise: ArrayNoise, filter: DifferenceFilter, levels: Integers) -> Vector:
     """Return the wavelet variance (J,) of the fused signal of an array at rest."""
     return noise.fused_space(filter).haar_variance(levels) if filter.C.size else noise.static(filter.weights, levels)
 
@@ -225,8 +216,7 @@ def _stationary(transition: Matrix, noise: Matrix) -> Matrix:
     return (p + p.T) / 2
 
 
-ALONE = "virtual"
-"""Name of the axis if the names of the signals do not state one."""
+ALONE = "virtual"  # name of the axis if the names of the signals do not state one
 _MEMBER = re.compile(r"(?P<axis>.+?)\s*\[(?P<unit>[^\]]+)\]")
 _EXPECTED = "several recordings, or a mapping of names such as gyro_x[0] to signals"
 
@@ -339,7 +329,7 @@ class VirtualAxis:
     members: tuple[str, ...]
     unit: str
     weights: Vector
-    levels: NDArray[np.int64]
+    levels: Integers
     rate: float
     samples: int
     variance: Vector
@@ -479,12 +469,10 @@ class VirtualSensor(Summarised, Plotted, Tabular):
         """Return the fields as plain numbers, lists and strings."""
         return plain_fields(self, "horizon axes remarks")
 
-    def to_polars(self) -> DataFrame:
+    def to_polars(self) -> polars.DataFrame:
         """Return the predicted deviations as a Polars data frame with one row for each axis and level."""
-        from polars import DataFrame, concat
-
-        return concat(
-            DataFrame({
+        return polars.concat(
+            polars.DataFrame({
                 "axis": [axis] * fusion.levels.size, "level": fusion.levels, "tau": fusion.tau,
                 "deviation": fusion.deviation, "average": np.sqrt(fusion.average), "gain": fusion.gain,
                 "gain_over_best": fusion.gain_over_best,

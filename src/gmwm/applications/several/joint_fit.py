@@ -6,42 +6,28 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gmwm.applications.several import fitting
 from gmwm.applications.several.certificate import LARGEST_GAP, Prover
-from gmwm.applications.several.fitting import (
-    SINGULAR_SHARE,
-    Errors,
-    JointSolution,
-    chosen_signals,
-    correlation_errors,
-    correlation_of,
-    errors,
-    measured_at,
-    misfit,
-    settle,
-    sharing,
-    unconstrained_matrix,
-)
 from gmwm.applications.several.matrices import entries, lag_products, symmetric
 from gmwm.applications.several.search import descend, joint_terms, sum_model, with_kind
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
+from gmwm.fitting.likelihood.tracks import Tracks
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model, ModelLike
-
-if TYPE_CHECKING:
-    from gmwm.fitting.likelihood.tracks import Tracks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +106,7 @@ class JointFit(Summarised, Plotted):
     terms: tuple[str, ...]
     rate: float
     samples: int
-    levels: NDArray[np.int64]
+    levels: Integers
     covariances: Mapping[str, Matrix]
     parameters: Mapping[str, float]
     objective: float
@@ -128,10 +114,12 @@ class JointFit(Summarised, Plotted):
     relaxed_bound: float | None
     measured: Matrix
     implied: Matrix
-    settled: JointSolution = field(repr=False)
+    settled: fitting.JointSolution = field(repr=False)
 
     @classmethod
-    def of(cls, settled: JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None) -> JointFit:
+    def of(
+        cls, settled: fitting.JointSolution, units: Mapping[str, str], bounds: tuple[float, float] | None
+    ) -> JointFit:
         """Create the result from a solved problem (`settled`), the units of its signals, and its two lower bounds."""
         problem, estimate, measured = settled.problem, settled.estimate, settled.measured
         labels = [term.label for term in problem.terms]
@@ -178,10 +166,10 @@ class JointFit(Summarised, Plotted):
     @cached_property
     def correlation(self) -> Mapping[str, Matrix]:
         """Correlation matrix (d, d) of each term; NaN for signals in which the term has variance 0."""
-        return Named({term: correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
+        return Named({term: fitting.correlation_of(sigma) for term, sigma in self.covariances.items()}, "term")
 
     @property
-    def loadings(self) -> Mapping[str, NDArray[np.float64]]:
+    def loadings(self) -> Mapping[str, Vector]:
         """Factors ℓ (d,) of the signals for each common term, with Σ = ℓℓᵀ. The largest entry of ℓ is positive."""
         loadings = {}
         for term in self.settled.problem.terms:
@@ -192,8 +180,8 @@ class JointFit(Summarised, Plotted):
         return Named(loadings, "common term")
 
     @cached_property
-    def _errors(self) -> Errors:
-        return errors(self.settled)
+    def _errors(self) -> fitting.Errors:
+        return fitting.errors(self.settled)
 
     @cached_property
     def standard_errors(self) -> Mapping[str, Matrix]:
@@ -231,20 +219,18 @@ class JointFit(Summarised, Plotted):
         OptionError
             If there is no such term, or the confidence level is not allowed.
         """
-        from scipy.special import ndtri
-
         place, d = self._place(term), len(self.axes)
         level = as_confidence(confidence)
         if self.settled.problem.terms[place].kind != "shared":
             return np.full((d, d), np.nan), np.full((d, d), np.nan)
         sigma = self.settled.estimate.sigmas[place]
         values = np.linalg.eigvalsh(sigma)
-        singular = bool(values[0] <= SINGULAR_SHARE * values.sum())
-        estimate = unconstrained_matrix(self.settled, place) if singular else sigma
-        scatter = (errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
-        r = correlation_of(estimate)
-        error = correlation_errors(estimate, scatter)
-        z = float(ndtri(level if singular else (1 + level) / 2))
+        singular = bool(values[0] <= fitting.SINGULAR_SHARE * values.sum())
+        estimate = fitting.unconstrained_matrix(self.settled, place) if singular else sigma
+        scatter = (fitting.errors(self.settled, inside=True) if singular else self._errors).of_matrix(place)
+        r = fitting.correlation_of(estimate)
+        error = fitting.correlation_errors(estimate, scatter)
+        z = float(scipy.special.ndtri(level if singular else (1 + level) / 2))
         if singular:
             low = np.where(r > 0, np.clip(r - z * error, -1, 1), -1.0)
             high = np.where(r > 0, 1.0, np.clip(r + z * error, -1, 1))
@@ -263,7 +249,7 @@ class JointFit(Summarised, Plotted):
         matrices. Its p-value is slightly larger than that of a chi-square variable, because the moments of coarse
         levels are skewed.
         """
-        return misfit(self.settled)
+        return fitting.misfit(self.settled)
 
     def shared(self, term: str) -> SharedTerm:
         """Test the null hypothesis that a term is independent between the signals, so that its correlations are zero.
@@ -273,13 +259,11 @@ class JointFit(Summarised, Plotted):
         OptionError
             If there is no such term.
         """
-        from scipy.special import gammaincc
-
         place = self._place(term)
         if term not in self._shared_tests:
-            null = settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
-            statistic, df = sharing(null, place)
-            pvalue = float(gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
+            null = fitting.settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+            statistic, df = fitting.sharing(null, place)
+            pvalue = float(scipy.special.gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
             self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)
         return self._shared_tests[term]
 
@@ -500,14 +484,14 @@ def fit_joint(
         raise OptionError(argument="certify", expected="True, False or a positive time (s)", got=certify)
     seconds = 60.0 if certify is True else float(certify)
     terms = joint_terms(model)
-    signals = chosen_signals(x, rate, axes)
+    signals = fitting.chosen_signals(x, rate, axes)
     unknowns = len(terms) + sum(term.branch is not None for term in terms)
-    settled = settle(terms, measured_at(signals, levels, unknowns))
+    settled = fitting.settle(terms, fitting.measured_at(signals, levels, unknowns))
     bounds, settled = _bounds(settled, seconds)
     return JointFit.of(settled, {name: signal.unit for name, signal in signals.items()}, bounds)
 
 
-def _bounds(settled: JointSolution, seconds: float) -> tuple[tuple[float, float] | None, JointSolution]:
+def _bounds(settled: fitting.JointSolution, seconds: float) -> tuple[tuple[float, float] | None, fitting.JointSolution]:
     """Return `JointFit.lower_bound` and `JointFit.relaxed_bound`, or None without a proof, and the best fit."""
     problem, estimate = settled.problem, settled.estimate
     if not problem.search_places:

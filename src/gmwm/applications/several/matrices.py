@@ -18,12 +18,10 @@ from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
-from gmwm.base.axis_names import AXES, axis_quantity
+from gmwm.base.arrays import Integers, Matrix, Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.measuring.covariance import gaussian, nodes
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design
@@ -188,11 +186,8 @@ def moment_of(
     return np.asarray(gamma / (unit[a] * unit[b]))
 
 
-Indices = NDArray[np.int64]
-
-
 @lru_cache(maxsize=32)
-def entries(d: int) -> tuple[Indices, Indices]:
+def entries(d: int) -> tuple[Integers, Integers]:
     """Return the rows a and columns b of the d(d + 1)/2 entries with a ≤ b of a symmetric matrix."""
     rows, columns = np.triu_indices(d)
     return rows.astype(np.int64), columns.astype(np.int64)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
+from gmwm.applications.several.joint_fit import JointFit
+from gmwm.applications.several.result import CrossCovariance
 from gmwm.base.arrays import Vector
 from gmwm.showing.plots.axes import limits_of, quiet, signed_axis, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.figure import Axis, Band, Figure, Mark, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.labels import axis_title, sensor_and_letter
 from gmwm.showing.plots.style import BLUE, DASHED, GREY, IMPLIED, OBSERVED, ORANGE, PALE, SOLID
-
-if TYPE_CHECKING:
-    from gmwm.applications.several.fusion_result import VirtualAxis, VirtualSensor
-    from gmwm.applications.several.joint_fit import JointFit
-    from gmwm.applications.several.result import CrossCovariance
 
 ZERO = Stroke(GREY, 0.8, SOLID)  # correlation zero
 UNCERTAIN, SIGNIFICANT = Stroke(BLUE, 0.7, SOLID, "circle", filled=False), Stroke(BLUE, 0.0, SOLID, "circle")

@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.applications.several.matrices import AxisPairs
-from gmwm.base.arrays import FrozenArrays, Matrix, Vector
+from gmwm.base.arrays import FrozenArrays, Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.lazy import polars
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
-
-if TYPE_CHECKING:
-    from polars import DataFrame
 
 _BY_PAIR = ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
 
@@ -90,7 +86,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
 
     axes: tuple[str, ...]
     units: Mapping[str, str]
-    levels: NDArray[np.int64]
+    levels: Integers
     rate: float
     samples: int
     variance: Mapping[str, Vector]
@@ -179,12 +175,10 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
 
     coordinates = ("first", "second", "level")
 
-    def to_polars(self) -> DataFrame:
+    def to_polars(self) -> polars.DataFrame:
         """Return the correlations as a Polars data frame with one row for each pair and level."""
-        from polars import DataFrame, concat
-
-        return concat(
-            DataFrame(
+        return polars.concat(
+            polars.DataFrame(
                 {
                     "first": [a] * self.levels.size, "second": [b] * self.levels.size, "level": self.levels,
                     "tau": self.tau,

@@ -6,18 +6,18 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import as_rate, as_vector
-from gmwm.base.differences import Difference
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.multiple_tests import holm
+from gmwm.base.lazy import polars
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Difference, Tabular
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, table_with_rule
 from gmwm.choosing.replicates.comparison import (
     LevelRatio,
@@ -39,12 +39,7 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 from gmwm.theory.processes.parameter import Parameter
 
-if TYPE_CHECKING:
-    from polars import DataFrame
-
-
-SMALLEST_PVALUE = 1e-300
-"""Smallest p-value that is shown, so that no text states p = 0."""
+SMALLEST_PVALUE = 1e-300  # smallest p-value that is shown, so that no text states p = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,11 +228,9 @@ class SameNoise(RecordingComparison, Tabular):
             self, "recordings axes left_out tolerance size confidence pvalue differs levels parameters remarks"
         )
 
-    def to_polars(self) -> DataFrame:
+    def to_polars(self) -> polars.DataFrame:
         """Return the ratios as a Polars data frame with one row for each axis, compared recording and level."""
-        from polars import DataFrame
-
-        return DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
+        return polars.DataFrame([asdict(row) for row in self.levels], infer_schema_length=None)
 
     def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """Format the most significant ratio, or the parameters, of each axis, and the remarks in a `dialect`."""

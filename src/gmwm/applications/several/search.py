@@ -15,6 +15,7 @@ from gmwm.applications.several.conic import Cone, Conic, least_squares
 from gmwm.applications.several.matrices import entries
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError
+from gmwm.base.lazy import scipy
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, ModelLike
@@ -286,8 +287,7 @@ def coordinates(problem: JointProblem) -> Vector | None:
 ROUGH_TOLERANCE = 1e-4
 """Relative accuracy of the objective while starts are compared; it does not change any fit of
 docs/validation/joint.md."""
-EXACT_TOLERANCE = 1e-9
-"""Relative accuracy of the objective of a final fit."""
+EXACT_TOLERANCE = 1e-9  # relative accuracy of the objective of a final fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,13 +469,11 @@ def _newton(curvature: Matrix, gradient: Vector) -> Vector:
 
 def polish(problem: JointProblem, estimate: JointEstimate, accuracy: float = EXACT_TOLERANCE) -> JointEstimate:
     """Return the optimum with matrices of rank one for common terms: Σ = FFᵀ, from a fit with any rank."""
-    from scipy.optimize import least_squares as levenberg_marquardt
-
     if not any(term.kind == "common" for term in problem.terms):
         return estimate
     factors = _Factors(problem)
     start = factors.start(estimate)
-    solved = levenberg_marquardt(
+    solved = scipy.optimize.least_squares(
         factors.residual, start, jac=factors.jacobian, method="lm" if start.size <= problem.target.size else "trf",
         x_scale="jac", ftol=1e-3 * accuracy, xtol=1e-3 * accuracy, gtol=1e-12, max_nfev=300,
     )  # fmt: skip

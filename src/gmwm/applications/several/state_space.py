@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import DataError, OptionError
-from gmwm.fitting.likelihood.record import Record, as_record
+from gmwm.fitting.likelihood.problem import Record, as_record
 from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, RATES_ALIKE, Tracks, wanders
 from gmwm.recording.signals import Imu, Signal
@@ -74,7 +74,7 @@ class JointStateSpace(_Matrices):
     H: Matrix
     R: Matrix
     P0: Matrix
-    diffuse: NDArray[np.bool_]
+    diffuse: Booleans
     axes: tuple[str, ...]
     terms: tuple[str, ...]
 
@@ -112,7 +112,7 @@ class JointContinuousStateSpace(_Matrices):
     H: Matrix
     Rc: Matrix
     P0: Matrix
-    diffuse: NDArray[np.bool_]
+    diffuse: Booleans
     axes: tuple[str, ...]
     terms: tuple[str, ...]
     left_out: tuple[str, ...]

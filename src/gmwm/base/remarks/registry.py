@@ -71,10 +71,8 @@ class Choice:
 
 
 Text = str | Choice
-OTHERWISE = "otherwise"
-"""Key of the template for all values of a fact that have no template of their own."""
-CASE = "case"
-"""Fact that tells apart the situations of a code."""
+OTHERWISE = "otherwise"  # key of the template for all values of a fact that have no template of their own
+CASE = "case"  # fact that tells apart the situations of a code
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import ModelError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
@@ -204,7 +203,7 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
     return float(high.min())
 
 
-def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
+def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
     """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)

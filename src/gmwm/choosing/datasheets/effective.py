@@ -17,6 +17,7 @@ from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensit
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import (
     LEAST_PERIODS,
+    MOST_PERIODS,
     FilterGain,
     FilterNumbers,
     FilterPrediction,
@@ -92,8 +93,7 @@ TRUE_CLAIM = (0.8, 1.3)
 """Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
 tests/exporters/test_quality.py."""
 
-WHITE, WALK = 0.5, -0.5
-"""Powers of time in the units of N and K."""
+WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
 
@@ -125,7 +125,8 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
     At scales where the model differs from the measured wavelet variance by more than three standard errors, the
     spectrum of the model is multiplied by the ratio of the two variances, and the interval includes the numbers of the
-    model itself.
+    model itself. The interval of N also includes N without oscillations faster than 10/T: their flanks below 1/T are
+    extrapolated, and a disturbance whose frequency wanders has none.
 
     The intervals come from the derivatives of N and K with respect to the parameters of the model (implicit function
     theorem) and the covariance of the estimates.
@@ -252,6 +253,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             upper_only = z * min(reach.scales, reach.all) >= 1 or min(others[1:], default=value) == 0
             by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
             least, most = min(value, others[0]), max(value, others[0])
+            if symbol == "N":
+                least = min(least, factor * _white_without_flanks(fit, use, numbers[0]))
             low, high = min(least / by, *others), max(most * by, *others)
             if upper_only:
                 low, high = 0.0, max(most * math.sqrt(1 + z * reach.all), *others)
@@ -267,20 +270,44 @@ def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     best filter can be another one, which tracks noise that the filter of the estimate averages, or the reverse."""
     stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
     if (use, z) not in stored:
-        ratio = curve_ratio(fit)
-        stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
+        ratio, ((numbers, _), _) = curve_ratio(fit), _numbers(fit, use)
+        stored[use, z] = [_at(fit, use, ratio, end, near=numbers) for end in FitCurve.of(fit).ends(z)]
     return stored[use, z]
 
 
-def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
-    """Return the numbers of a fit with the processes of `end` in the place of its own."""
+def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
+    """Return N without the oscillations faster than `MOST_PERIODS` in the horizon, if there is other noise."""
+    processes = [p for p in fit.model.processes if p.scale > 0 and use.contains(p, fit.wavelet_variance.rate)]
+    fast = [p for p in processes if (p.oscillation() or 0.0) * use.horizon > MOST_PERIODS]
+    if not 0 < len(fast) < len(processes):
+        return numbers.N
+    stored: dict[Use, float] = fit.__dict__.setdefault("_white_without_flanks", {})
+    if use not in stored:
+        absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
+        stored[use] = _at(fit, use, curve_ratio(fit), absent).N
+    return stored[use]
+
+
+def _at(
+    fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None,
+    near: FilterNumbers | None = None,
+) -> FilterNumbers:  # fmt: skip
+    """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
     processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
     # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
     # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
     # tests/test_effective_noise.py.
     slowest = wv.samples / 10.0
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest)
+    alike = near is not None and all(_has_resonances_of(process, new) for process, new in moved.items())
+    prediction = near.prediction if near is not None and alike else None
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, near=prediction)
+
+
+def _has_resonances_of(process: Process, other: Process) -> bool:
+    """Return whether a process is accurate at the frequencies of a quadrature for another one of its kind. One shape
+    parameter does not move a resonance."""
+    return len(process.nonlinear_parameters()) < 2 or bool(np.array_equal(process.nonlinear, other.nonlinear))
 
 
 @dataclass(frozen=True)
@@ -308,9 +335,10 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     if use not in stored:
         ratio = curve_ratio(fit)
         numbers = _at(fit, use, ratio)
-        of_model = numbers if ratio is None else _at(fit, use, None)
+        of_model = numbers if ratio is None else _at(fit, use, None, near=numbers)
         try:
-            moved = [_at(fit, use, each) for each in (ratio.moved() if ratio is not None else ())]
+            ratios = () if ratio is None else ratio.moved()
+            moved = [_at(fit, use, each, near=numbers) for each in ratios]
             errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
@@ -326,11 +354,13 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
+    processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.rate):
             return np.zeros(2)
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
+        near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
+        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

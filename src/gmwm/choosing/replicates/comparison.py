@@ -11,9 +11,10 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.lazy import scipy
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design
@@ -161,15 +162,13 @@ def _mean(curves: Sequence[_Variances]) -> _Variances:
 
 def _row(first: _Variances, second: _Variances, k: int, *, confidence: float, tolerance: float) -> LevelRatio:
     """Return the ratio of two wavelet deviations at the level with index k, and its test."""
-    from scipy.special import fdtr, fdtrc, fdtri
-
     ratio = float(first.variance[k] / second.variance[k])
     degrees = float(first.freedom[k]), float(second.freedom[k])
     if min(degrees) <= 2.0:
         return LevelRatio(ratio=math.sqrt(ratio))
-    above = float(fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
-    below = float(fdtr(*degrees, ratio * math.exp(2 * tolerance)))
-    lower, upper = (math.sqrt(ratio / float(fdtri(*degrees, (1 + s * confidence) / 2))) for s in (1, -1))
+    above = float(scipy.special.fdtrc(*degrees, ratio * math.exp(-2 * tolerance)))
+    below = float(scipy.special.fdtr(*degrees, ratio * math.exp(2 * tolerance)))
+    lower, upper = (math.sqrt(ratio / float(scipy.special.fdtri(*degrees, (1 + s * confidence) / 2))) for s in (1, -1))
     return LevelRatio(ratio=math.sqrt(ratio), lower=lower, upper=upper, pvalue=min(1.0, 2 * min(above, below)))
 
 

@@ -181,11 +181,12 @@ class _Exploration:
 
 
 def _shown_structure(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
-    """Return the structure of a solved model without the terms that are zero."""
+    """Return the structure of a solved model without the terms that are zero; empty if all that are estimated are."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
     zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
-    return structure - names_of(problem.model.processes[k] for k in zero)
+    everything = len(zero) == len(problem.linear) + len(problem.shaped)
+    return Counter() if everything else structure - names_of(problem.model.processes[k] for k in zero)
 
 
 def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:

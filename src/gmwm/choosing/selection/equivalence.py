@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.choosing.selection.candidate_fits import Explored
 from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.choosing.selection.structure import without_values
@@ -72,8 +72,6 @@ class Hypothesis:
 
     def absurd(self, rival: Fit) -> bool:
         """Return whether the loss exceeds the loss of a rival by far more than chance explains, without another fit."""
-        from scipy.special import gammaincc
-
         losses = []
         for fit in (self.fit, rival):
             residual = self.root @ (fit.wavelet_variance.variance - fit.implied)
@@ -82,7 +80,7 @@ class Hypothesis:
         size = self.root.shape[0] - self.axes.shape[1]
         # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
         # this.
-        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
+        return bool(scipy.special.gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω."""
@@ -164,7 +162,7 @@ class Hypothesis:
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
-    def several(self, records: NDArray[np.int64]) -> Iterator[float]:
+    def several(self, records: Integers) -> Iterator[float]:
         """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
@@ -226,13 +224,11 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
     degree `QUANTILE_DEGREE`."""
-    from scipy.special import chdtri, ndtr
-
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
-        return np.asarray(chdtri(freedom, ndtr(-scores)) / freedom)
+        return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
     angle = (np.arange(QUANTILE_DEGREE + 1) + 0.5) * np.pi / (QUANTILE_DEGREE + 1)
-    values = chdtri(freedom, ndtr(-reach * np.cos(angle[:, None]))) / freedom
+    values = scipy.special.chdtri(freedom, scipy.special.ndtr(-reach * np.cos(angle[:, None]))) / freedom
     terms = 2 / (QUANTILE_DEGREE + 1) * np.cos(np.outer(np.arange(QUANTILE_DEGREE + 1), angle)) @ values
     terms[0] /= 2
     return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))

@@ -17,7 +17,7 @@ from gmwm.fitting.estimation.model_error import nearly_fitted
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.spectrum.line import Bump, Line
-from gmwm.measuring.spectrum.resonance import resonance_of
+from gmwm.measuring.spectrum.narrow import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, Alternative, SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
@@ -38,8 +38,7 @@ UNSEEN_DISTANCE = 1.0
 """Peaks are left out if together they change the wavelet variance by at most this distance in standard errors, after
 the powers of the other peaks are fitted. No parameter then changes by more than one standard error
 (tests/selection/test_peaks.py)."""
-MOST_OSCILLATORS = 8
-"""Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape."""
+MOST_OSCILLATORS = 8  # Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape.
 NARROW = 0.002
 """A bump that is narrower than this, relative to the sampling rate, cannot be a part of an ARMA process. The value is
 half the width of the narrowest peak that these can have; see `gmwm.spectrum.short_memory.POLE`."""
@@ -146,8 +145,7 @@ FLICKER_SPREAD = 0.75
 """Standard deviation of the unknown difference of the sampled noise from continuous flicker noise, relative to
 `SAMPLED`. The difference is 0 for noise that is averaged over each sampling interval, 0.45 for a density of 1/f up to
 half the sampling rate, and 1 for discrete flicker noise."""
-BAND = ("f_b", "f_r", "Q_r")
-"""Symbols of the physical parameters of a shape that do not depend on its scale."""
+BAND = ("f_b", "f_r", "Q_r")  # symbols of the physical parameters of a shape that do not depend on its scale
 SELECTION_FACTOR = 2.0
 """Factor by which the covariance of a shape is increased, because the order of the shape was selected with the same
 spectrum. With a factor of 1.5, 95 % intervals of N contain the true value in 89 % of recordings with an FIR filter

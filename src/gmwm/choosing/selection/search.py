@@ -22,22 +22,10 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError
+from gmwm.base.lazy import scipy
+from gmwm.choosing.selection import fast_part
 from gmwm.choosing.selection.api import rank_models, select_within
-from gmwm.choosing.selection.fast_part import (
-    BESIDE,
-    FAST,
-    FastPart,
-    acts_as_filter,
-    autoregression,
-    fast_parts,
-    narrow_bumps,
-    oscillating,
-    peak_terms,
-    with_oscillator_error,
-    with_sampling_error,
-)
-from gmwm.choosing.selection.ranking import SLOW, Ranking, RankingOptions
-from gmwm.choosing.selection.search_steps import REJECTED, Entry, Exit, SearchStep
+from gmwm.choosing.selection.ranking import REJECTED, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
@@ -52,11 +40,10 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import QN, RW, WN
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
-from gmwm.theory.processes.walk import RW
 
 SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
@@ -115,7 +102,7 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     shaped = any(isinstance(term, Lagged) for term in required)
     model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
     # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
-    fastest = wv.rate / (2 * math.pi * FAST)
+    fastest = wv.rate / (2 * math.pi * fast_part.FAST)
     if freedom(model) > len(wv) or not _can_oscillate(wv, choice.ranking.recommended.fit, required, fastest):
         return None
     try:
@@ -127,8 +114,8 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
         return None
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
-    curve = with_oscillator_error(wv, fit, [held])
-    family = BESIDE if shaped else SLOW
+    curve = fast_part.with_oscillator_error(wv, fit, [held])
+    family = fast_part.BESIDE if shaped else SLOW
     return within_family(
         family, curve, options, required=(*required, held), check=check, entered="oscillation"
     ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
@@ -138,8 +125,6 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     """Return whether one oscillator of a grid, up to the frequency `fastest` (Hz), may explain the wavelet variance
     beside any sum of smooth and required processes. Weights are those of a fit. A fit of an oscillator to a curve
     without one takes a hundred times longer."""
-    from scipy.special import chdtri
-
     used = usable_levels(wv)
     design = Design.of(wv).only(used)
     try:
@@ -158,7 +143,7 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     target = root @ wv.variance[used]
     table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
     least = _core.nonnegative_least_squares(target, table[:-1])[1]
-    limit = max(chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
+    limit = max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
     for oscillator in _unit(oscillators):
         table[-1] = oscillator
         if _core.nonnegative_least_squares(target, table)[1] <= limit:
@@ -194,13 +179,16 @@ def _from_spectrum(
     check()
     if spectrum is None:
         # A shape that was fitted to the wavelet variance does not include white and quantization noise.
-        part = autoregression(wv, options)
+        part = fast_part.autoregression(wv, options)
         entered: Entry = "shape" if part.terms else "nothing-shown"
         choice = within_family(SLOW, wv, options, required=part.terms, check=check, entered=entered)
         return (_after_slow(choice) if part.terms else choice).after(slow)
     steps, peaks = [slow], _SlowWithPeaks((), wv, general)
-    for bumps, order in ((oscillating(spectrum.bumps), LOW_ORDER), (narrow_bumps(spectrum), HIGHEST_ORDER)):
-        terms = peak_terms(spectrum, wv, bumps)
+    for bumps, order in (
+        (fast_part.oscillating(spectrum.bumps), LOW_ORDER),
+        (fast_part.narrow_bumps(spectrum), HIGHEST_ORDER),
+    ):
+        terms = fast_part.peak_terms(spectrum, wv, bumps)
         if terms != peaks.terms:
             peaks = _SlowWithPeaks.of(terms, general, wv, options)
             bound = Distance.of(peaks.fit).surely
@@ -240,7 +228,7 @@ class _SlowWithPeaks(NamedTuple):
             return cls((), wv, slow)
         largest = largest_within(SLOW, wv, terms)
         fit = nearly_fitted(largest, wv, options.weighting)
-        curve = with_oscillator_error(wv, fit, terms)
+        curve = fast_part.with_oscillator_error(wv, fit, terms)
         return cls(terms, curve, fit if curve is wv else nearly_fitted(largest, curve, options.weighting))
 
 
@@ -252,9 +240,10 @@ def _with_shape(
     or that misses the curve by at most `STATED_MISFIT`. If no shape of low order does, return the step that says so;
     None if the spectrum shows nothing."""
 
-    def ranked(part: FastPart, judged: _JudgedFamily) -> ModelChoice:
+    def ranked(part: fast_part.FastPart, judged: _JudgedFamily) -> ModelChoice:
         choice = within_family(
-            BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered, judged=judged
+            fast_part.BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered,
+            judged=judged,
         )  # fmt: skip
         return replace(_after_slow(choice), band=part.band)
 
@@ -262,9 +251,9 @@ def _with_shape(
     # of a model that is not accepted although its family is.
     close, least_error = 0.05, 0.001
     simplest, last = None, None
-    for part in fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
+    for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
         wv = part.wavelet_variance
-        fit = nearly_fitted(largest_within(BESIDE, wv, part.terms), wv, options.weighting)
+        fit = nearly_fitted(largest_within(fast_part.BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
         error = model_error(fit) if pvalue < REJECTED else least_error if pvalue < close else 0.0
@@ -301,7 +290,7 @@ def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: Rank
         general = nearly_fitted(largest_within(SLOW, wv), wv, options.weighting)
         return general, Distance.of(general).surely
     except ModelError:
-        lines = () if spectrum is None else peak_terms(spectrum, wv, narrow_bumps(spectrum))
+        lines = () if spectrum is None else fast_part.peak_terms(spectrum, wv, fast_part.narrow_bumps(spectrum))
         if not lines:
             raise
         return nearly_fitted(largest_within(SLOW, wv, lines), wv, options.weighting), 0.0
@@ -334,7 +323,7 @@ def _with_result(step: SearchStep, ranking: Ranking) -> SearchStep:
 
 def _as_sampled(choice: ModelChoice) -> ModelChoice:
     """Add the uncertainty of flicker noise near half the sampling rate to the covariance of the data of every fit."""
-    wv = with_sampling_error(choice.wavelet_variance, choice.ranking.recommended.fit)
+    wv = fast_part.with_sampling_error(choice.wavelet_variance, choice.ranking.recommended.fit)
     if wv is choice.wavelet_variance:
         return choice
     curve = having_error(wv, choice.error)
@@ -353,7 +342,8 @@ def _is_accepted(ranking: Ranking) -> bool:
 def _has_filter(fit: Fit) -> bool:
     """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
     return any(
-        process.scale > 0 and not _is_held(process) and acts_as_filter(process, fit) for process in fit.model.processes
+        process.scale > 0 and not _is_held(process) and fast_part.acts_as_filter(process, fit)
+        for process in fit.model.processes
     )
 
 
@@ -389,9 +379,7 @@ def within_family(
     step = SearchStep(family=family_name, entered=entered, bound=bound, model_error=error, left="lines-absent")
     step = _with_result(step, ranking)
     if len(supported) < len(required):
-        choice = within_family(
-            family, wv, options, required=supported, check=check, entered="without-absent-lines"
-        )  # fmt: skip
+        choice = within_family(family, wv, options, required=supported, check=check, entered="without-absent-lines")
         return choice.after(step)
     return _only_choice(ranking, wv, step, tried=(family_name,))
 
@@ -417,7 +405,7 @@ def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVar
     """Return the wavelet variance with the model error of a single model, like `given_model` but without a ranking."""
     error = _JudgedFamily.of(without_values(model), wv, weighting).error
     near = nearly_fitted(model, having_error(wv, error), weighting)
-    return having_error(with_sampling_error(wv, near), error)
+    return having_error(fast_part.with_sampling_error(wv, near), error)
 
 
 def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:

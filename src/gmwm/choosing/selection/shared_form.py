@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
+from gmwm.base.units import by_sensor
 from gmwm.choosing.selection.api import REJECTED
-from gmwm.choosing.selection.ranking import Candidate, Ranking
+from gmwm.choosing.selection.ranking import Candidate, Ranking, SearchStep
 from gmwm.choosing.selection.search import ModelChoice
-from gmwm.choosing.selection.search_steps import SearchStep
 from gmwm.choosing.selection.structure import slow_terms
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.result import Fit

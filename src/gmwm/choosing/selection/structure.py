@@ -9,19 +9,18 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gmwm.base.arrays import Booleans
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import DR, QN, WN
 from gmwm.theory.processes.ordered import find_class
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.sinusoid import SIN
-from gmwm.theory.processes.walk import DR
 
 LEAST_DRIFT_SHARE = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
@@ -166,7 +165,7 @@ def consists_of(whole: Counter[str], part: Counter[str]) -> bool:
     return True
 
 
-def containing(structures: Sequence[Counter[str]]) -> NDArray[np.bool_]:
+def containing(structures: Sequence[Counter[str]]) -> Booleans:
     """Return for each pair of structures (whole, part) what `of_lower_order(part, whole)` returns, an array (n, n).
 
     >>> containing([Counter({"GM": 1, "WN": 1}), Counter({"WN": 1})])

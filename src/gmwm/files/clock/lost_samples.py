@@ -20,10 +20,8 @@ from gmwm.base.time_base import TimeBase
 from gmwm.base.units import IMPOSSIBLE
 from gmwm.files.contract import Rows
 
-CUT = -1
-"""Key of a Boolean column: before a marked row, an unknown number of samples is missing."""
-MISSING = int(np.iinfo(np.int64).min)
-"""Value of a missing integer. It is also the missing time of NumPy (NaT)."""
+CUT = -1  # key of a Boolean column: before a marked row, an unknown number of samples is missing
+MISSING = int(np.iinfo(np.int64).min)  # Value of a missing integer. It is also the missing time of NumPy (NaT).
 
 
 def is_missing(column: NDArray[np.generic]) -> NDArray[np.bool_] | None:

@@ -12,17 +12,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
+from gmwm.base.lazy import polars as pl
 from gmwm.base.remarks import Remark
 from gmwm.files.contract import Layout
-
-if TYPE_CHECKING:
-    import polars as pl
 
 UNIT = "ns"
 """Unit of the time stamps. Dates are counted from 1970, and times of day from midnight."""
@@ -230,8 +228,6 @@ def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] 
 
 def _one_by_one(cells: pl.Series, zoned: bool | None) -> NDArray[np.datetime64]:
     """Parse time stamps of different forms and offsets, one by one. Some programs leave out seconds that are zero."""
-    import polars as pl
-
     groups = cells.str.extract_groups(_CLOCK if zoned is None else _DATED).struct.unnest()
     clock, shift = groups["clock"], pl.Series([0])
     date = pl.Series(["19700101"])

@@ -24,15 +24,12 @@ from gmwm.files.formats.byte_sources import ZSTD, zstd_library
 Batch = tuple[list[int], list[bytes]]
 """A list of the times of recording (ns) of messages, in ascending order, and a list of the bytes of each message."""
 
-BATCH_BYTES = 2 << 20
-"""Approximate size of the messages in a batch (bytes)."""
+BATCH_BYTES = 2 << 20  # approximate size of the messages in a batch (bytes)
 
-CHUNK_LIMIT = 256 << 20
-"""Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
+CHUNK_LIMIT = 256 << 20  # largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB
 
 
-TEXT_LIMIT = 1 << 20
-"""Largest length of a message definition (characters), and of a record that contains one (bytes)."""
+TEXT_LIMIT = 1 << 20  # largest length of a message definition (characters), and of a record that contains one (bytes)
 
 TOPIC_LIMIT = 10_000
 

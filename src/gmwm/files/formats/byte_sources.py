@@ -24,8 +24,7 @@ from gmwm.files.contract import HEAD_BYTES
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
-MAX_BYTES = 64 << 30
-"""Largest size of a decompressed recording (bytes): ten days of six axes at 1 kHz as text."""
+MAX_BYTES = 64 << 30  # largest size of a decompressed recording (bytes): ten days of six axes at 1 kHz as text
 
 MAX_RATIO = 200
 """Largest compression ratio; noise compresses 20 times at most. Pinned by tests/readers/test_compressed.py."""
@@ -33,11 +32,9 @@ MAX_RATIO = 200
 RATIO_FROM = 64 << 20
 """Number of unpacked bytes from which on the ratio is checked. The data of a smaller file can be very regular."""
 
-MAX_MEMBERS = 1000
-"""Largest number of files in an archive; phones export about ten tables."""
+MAX_MEMBERS = 1000  # largest number of files in an archive; phones export about ten tables
 
-GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
-"""The first bytes of compressed files and archives."""
+GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"  # the first bytes of compressed files and archives
 
 
 class PackedError(ReadError):
@@ -298,9 +295,7 @@ class _CountingStream(io.RawIOBase):
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             where = f"after {self._count} unpacked bytes" if self._count else "at its beginning"
             raise PackedError(
-                f"{self._name} is damaged or truncated {where} ({error})",
-                code="damaged",
-                advice="Copy the file again.",
+                f"{self._name} is damaged or truncated {where} ({error})", code="damaged", advice="Copy the file again."
             ) from error
         view[: len(data)] = data
         self._count += len(data)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
+from gmwm.base.lazy import polars as pl
 from gmwm.base.remarks import Remark
 from gmwm.files.clock.text_stamps import form_remark, is_stamp, times_of
 from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
@@ -47,8 +48,6 @@ class OxtsReader(Reader):
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers, one file for each sample."""
-        import polars as pl
-
         lines = [line.strip() for line in path.read_text(encoding="latin-1").splitlines() if line.strip()]
         files = _files(path)
         if len(lines) != len(files):

@@ -23,8 +23,7 @@ _SENSORS = {
     "accelerometer": ("accel", "m/s²"),
     "accelerometeruncalibrated": ("accel", ""),  # m/s² from some phones, g from others: inferred from gravity
 }
-WITHOUT_GRAVITY = "accelerometer"
-"""Name of the table from which the filter of the phone has removed gravity."""
+WITHOUT_GRAVITY = "accelerometer"  # name of the table from which the filter of the phone has removed gravity
 
 
 @register

@@ -18,6 +18,7 @@ from gmwm.base.text import Named
 from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
 from gmwm.fitting.estimation.recordings import spread_of_mean
 from gmwm.measuring.covariance import Design, covariance
+from gmwm.measuring.covariance.robust import rounding_bias
 from gmwm.theory.processes.model import Model
 
 if TYPE_CHECKING:
@@ -85,7 +86,8 @@ def sandwich(fit: Fit) -> Sandwich:
         If the covariance of a process is unknown.
     """
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
-    wavelet = noise_covariance(fit.model, design)
+    bias = rounding_bias(fit.model, design) * fit.implied  # counts as a standard error
+    wavelet = noise_covariance(fit.model, design) + np.outer(bias, bias)
     result = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
     if len(fit.wavelet_variance.recordings) < 2:
         return result

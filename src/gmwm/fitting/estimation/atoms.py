@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-BOUND_FACTOR = 2.0
-"""Factor from the largest interpolation error at midpoints near a cell to the bound in the cell."""
+BOUND_FACTOR = 2.0  # factor from the largest interpolation error at midpoints near a cell to the bound in the cell
 NEIGHBOUR_CELLS = 12
 """Neighbouring cells on each side that are used, because rounding dominates single midpoints near φ = 1."""
 
@@ -32,7 +30,7 @@ class ShapeGrid:
     search coordinates `nodes` and in the middle of cells. The `spacing` is 0 for a cell that joins two branches."""
 
     branches: tuple[Branch, ...]
-    owner: NDArray[np.int64]
+    owner: Integers
     nodes: Vector
     spacing: Vector
     values: Matrix
@@ -62,12 +60,11 @@ class UnitCurve:
     margins: Vector
 
 
-Place = tuple[Branch, float]
-"""Point of a curve: a branch, and the search coordinate u on this branch."""
+Place = tuple[Branch, float]  # point of a curve: a branch, and the search coordinate u on this branch
 
 
 def shape_at(
-    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+    process: type[Process], parameters: Matrix, levels: Integers, rate: float, filter: WaveletFilter
 ) -> Matrix:
     """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves, one after
     another."""
@@ -78,16 +75,14 @@ def shape_at(
 
 
 def slope_at(
-    process: type[Process], parameters: Matrix, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+    process: type[Process], parameters: Matrix, levels: Integers, rate: float, filter: WaveletFilter
 ) -> Matrix:
     """Return the derivatives (n, J) of `shape_at` with respect to the first nonlinear parameter."""
     ascending, place = np.unique(levels, return_inverse=True)
     return np.asarray(process.moments_jacobian(parameters, ascending, rate, filter)[:, :, 0][:, place])
 
 
-def shapes(
-    process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
-) -> Matrix:
+def shapes(process: type[Process], places: list[Place], levels: Integers, rate: float, filter: WaveletFilter) -> Matrix:
     """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
     if not places:
         return np.empty((0, levels.size))
@@ -124,9 +119,7 @@ def _grid(
     )  # fmt: skip
 
 
-def grid(
-    process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter
-) -> ShapeGrid:
+def grid(process: type[Process], levels: Integers, samples: int, rate: float, filter: WaveletFilter) -> ShapeGrid:
     """Tabulate the wavelet variance of `process` over its search domain; the table is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
@@ -159,7 +152,7 @@ def table(grid: ShapeGrid, root: Matrix) -> UnitCurve:
 
 
 def close_up(
-    process: type[Process], places: list[Place], width: float, levels: NDArray[np.int64], rate: float,
+    process: type[Process], places: list[Place], width: float, levels: Integers, rate: float,
     filter: WaveletFilter, root: Matrix,
 ) -> tuple[UnitCurve, Vector]:  # fmt: skip
     """Tabulate one exact cell of a given width around each place; return the table and the ends (n, 2) of the cells."""

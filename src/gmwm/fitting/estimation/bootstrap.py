@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
 
 DRAWS = 500
-LEAST_DRAWS = 2
-"""Smallest number of simulated recordings that gives a standard deviation."""
+LEAST_DRAWS = 2  # smallest number of simulated recordings that gives a standard deviation
 LEAST_FOR_TEST = 19
 """Smallest number of simulated recordings for a test at the 5 % level, because p is at least 1 / (draws + 1)."""
 

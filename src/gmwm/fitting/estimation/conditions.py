@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.fitting.estimation.branch_and_bound import FittedTerm
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit, Estimate
 from gmwm.fitting.estimation.linearised import relative_covariance, square_of_rest, usable_in
@@ -33,8 +34,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-_STEEPEST = 3.0
-"""Largest b of a link over half of the range of the condition: the shape changes by a factor of 400."""
+_STEEPEST = 3.0  # largest b of a link over half of the range of the condition: the shape changes by a factor of 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +147,10 @@ class Stack:
     def offset(self) -> Vector:
         """Wavelet variances of the processes without a free parameter, at all levels."""
         _, _, held = by_kind(self.model)
-        curves = [self.each(partial(_curve, self.model.processes[place])) for place in held]
-        return np.sum(curves, axis=0) if curves else np.zeros(self.levels.size)
+        if not held:
+            return np.zeros(self.levels.size)
+        known = Model(tuple(self.model.processes[place] for place in held))
+        return self.each(lambda _, wv: known.wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     def parts(self, solution: Solution) -> list[list[Model]]:
         """Return, for each part of each curve, the model with the values of a solution."""
@@ -254,11 +256,6 @@ class SolvedStack:
         return self.stack.covariance(self.solution)
 
 
-def _curve(process: Process, _: int, wv: WaveletVariance) -> Vector:
-    """Return the wavelet variance of a process at the levels of a curve."""
-    return process.wavelet_variance(wv.levels, wv.rate, wv.filter)
-
-
 def _shape(process: Process, theta: Matrix, _: int, wv: WaveletVariance) -> Vector:
     """Return the wavelet variance of a process with the shape `theta` (1, q) and the scale 1 at the levels of a
     curve."""
@@ -270,9 +267,9 @@ def _shape_slope(process: Process, theta: Matrix, k: int, _: int, wv: WaveletVar
     return np.asarray(process.shape_jacobian(theta, wv.levels, wv.rate, find_filter(wv.filter))[0, :, k])
 
 
-def _condition(u: NDArray[np.float64], s: int, wv: WaveletVariance) -> Vector:
-    """Return the mean condition u of curve s at each of its levels."""
-    return np.asarray(np.mean(u[s], axis=1)[_parts_of(wv, u.shape[1])])
+def _condition(u: Matrix, s: int, wv: WaveletVariance) -> Vector:
+    """Return the mean condition `u` (S, J) of curve s at each of its levels."""
+    return np.asarray(u[s, _parts_of(wv, u.shape[1])])
 
 
 def _parts_of(wv: WaveletVariance, count: int) -> NDArray[np.int64]:
@@ -287,9 +284,7 @@ def _mean_covariance(models: list[Model], wv: WaveletVariance) -> Matrix:
 
 def _blocks(parts: Iterable[Matrix]) -> Matrix:
     """Return the block-diagonal matrix of the given blocks."""
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*parts))
+    return np.asarray(scipy.linalg.block_diag(*parts))
 
 
 def fit_conditions(
@@ -310,9 +305,7 @@ def fit_conditions(
     solved = _settle(replace(stack, model=_linked(model, follows), follows=follows), weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
     change = _no_change(solved, model, weighting) if factors or follows else None
-    estimates = _estimates(solved, functions)
-    for place, follow in solved.stack.follows.items():
-        estimates |= _link_estimates(model.terms[place], follow, solved, middle=middle, half=half)
+    estimates = _estimates(solved, functions, np.array([[1.0, -middle / half], [0.0, 1 / half]]))
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
         models=dict(zip(curves, solved.stack.models(solved.solution), strict=True)), estimates=estimates,
@@ -399,8 +392,6 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
 def _search(stack: Stack, matrix: Matrix) -> Stack:
     """Return the stack with the link that minimises the objective under fixed weights: the best points of a bounded
     grid, or the previous link, refined."""
-    from scipy.optimize import fmin
-
     ((place, follow),) = stack.follows.items()
     low, high = follow.link.limits(stack.model.processes[place], stack.samples, stack.curves[0].rate)
 
@@ -417,30 +408,15 @@ def _search(stack: Stack, matrix: Matrix) -> Stack:
         starts = sorted(grid, key=objective)[:3]
     simplex = 0.3 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     ends = [
-        fmin(objective, start, xtol=1e-5, ftol=1e-8, disp=False, initial_simplex=start + simplex) for start in starts
+        scipy.optimize.fmin(objective, start, xtol=1e-5, ftol=1e-8, disp=False, initial_simplex=start + simplex)
+        for start in starts
     ]
     return at(min(ends, key=objective))
 
 
-def _link_estimates(
-    term: str, follow: Follows, solved: SolvedStack, *, middle: float, half: float
-) -> dict[str, Estimate]:  # fmt: skip
-    """Return the coefficients a and b of a link per unit of the condition, with standard errors."""
-    names, columns = solved.stack.slopes(solved.solution)
-    spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
-    places = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
-    turn = np.array([[1.0, -middle / half], [0.0, 1 / half]])
-    values = turn @ [follow.a, follow.b]
-    block = spread[np.ix_(places, places)]  # infinite if the term is zero
-    errors = np.sqrt(np.diag(turn @ block @ turn.T)) if np.all(np.isfinite(block)) else np.full(2, math.inf)
-    return {
-        f"{term}.{follow.link.name} ({name})": Estimate(float(value), float(error), signed=True)
-        for name, value, error in zip("ab", values, errors, strict=True)
-    }
-
-
-def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str, Estimate]:
-    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula."""
+def _estimates(solved: SolvedStack, functions: Mapping[str, Varies], turn: Matrix) -> dict[str, Estimate]:
+    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula. `turn`
+    (2, 2) gives the coefficients of a link per unit of the condition from those of the scaled condition."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
@@ -450,7 +426,7 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
     estimates = {}
     for k, (place, which) in enumerate(names):
         if which in ("a", "b"):
-            continue  # `_link_estimates` has these
+            continue  # both together below
         label, process = stack.model.terms[place], stack.model.processes[place]
         scale = process.scale_parameter()
         power = scale.scale_power or 1.0
@@ -474,6 +450,13 @@ def _estimates(solved: SolvedStack, functions: Mapping[str, Varies]) -> dict[str
         if term.scale == 0:
             process = stack.model.processes[place]
             estimates[f"{stack.model.terms[place]}.{process.scale_parameter().name}"] = Estimate(0.0, math.inf)
+    for place, follow in stack.follows.items():
+        pair = [k for k, (_, which) in enumerate(names) if which in ("a", "b")]
+        block, label = spread[np.ix_(pair, pair)], f"{stack.model.terms[place]}.{follow.link.name}"
+        # The covariance is infinite if the term is zero.
+        errors = np.sqrt(np.diag(turn @ block @ turn.T)) if np.all(np.isfinite(block)) else np.full(2, math.inf)
+        for name, number, error in zip("ab", turn @ [follow.a, follow.b], errors, strict=True):
+            estimates[f"{label} ({name})"] = Estimate(float(number), float(error), signed=True)
     return estimates
 
 
@@ -488,19 +471,15 @@ def _short(stack: Stack) -> Stack:
 
 def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     """Return the statistic, the degrees of freedom and the p-value of the chi-square test of the model."""
-    from scipy.special import gammaincc
-
     short = _settle(_short(solved.stack), weighting, certify=False)
     statistic, count = _misfit(short)
     df = short.stack.levels.size - count
-    return statistic, df, float(gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
+    return statistic, df, float(scipy.special.gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
 def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
     """Return the p-value of the hypothesis that no term varies, from the residuals of a constant model that functions
     and changes of shapes explain."""
-    from scipy.special import gammaincc
-
     short = _short(solved.stack)
     constant = _settle(replace(short, model=model, factors={}, follows={}), weighting, certify=False)
     names, slopes = constant.stack.slopes(constant.solution)
@@ -508,12 +487,12 @@ def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
     for place, follow in short.follows.items():
         if (place, follow.link.name) in names:
             slope = slopes[:, names.index((place, follow.link.name))]
-            columns.append(np.asarray(slope * short.each(partial(_condition, follow.u))))
+            columns.append(np.asarray(slope * short.each(partial(_condition, np.mean(follow.u, axis=2)))))
     if not columns:
         return 1.0  # the term whose shape could change is zero
     total, rank = _misfit(constant)
     remainder, full_rank = _misfit(constant, np.array(columns).T)
-    return float(gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
+    return float(scipy.special.gammaincc((full_rank - rank) / 2, (total - remainder) / 2)) if full_rank > rank else 1.0
 
 
 def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:

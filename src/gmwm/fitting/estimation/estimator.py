@@ -35,10 +35,8 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 
-Curve = WaveletVariance | Signal | ArrayLike
-"""A recording, or its wavelet variance."""
-OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]
-"""One recording, or several recordings of one unit."""
+Curve = WaveletVariance | Signal | ArrayLike  # a recording, or its wavelet variance
+OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]  # one recording, or several recordings of one unit
 
 
 @overload
@@ -186,8 +184,7 @@ def fit(
         if varies is not None:
             raise OptionError(argument="varies", expected="left out for the axes of a recording", got=varies)
         options: dict[str, Any] = {"weighting": weighting, "robust": robust, "efficiency": efficiency}
-        options |= {"certify": certify, "start": start, "against": against}
-        options["moments"] = moments
+        options |= {"certify": certify, "start": start, "against": against, "moments": moments}
         return ResultsByAxis(results={axis: fit(model, x, rate, **options) for axis, x in signals.items()})
     terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):

@@ -10,10 +10,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
 from gmwm.fitting.estimation.branch_and_bound import (
     LIMITS,
@@ -101,7 +100,7 @@ class ExponentialSearch(Search):
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""
         return self.optimum_of(*self.kernel.follow(*self.coordinates(places), ends))
 
-    def coordinates(self, places: Sequence[Place]) -> tuple[NDArray[np.int64], Vector]:
+    def coordinates(self, places: Sequence[Place]) -> tuple[Integers, Vector]:
         """Return the indices of the branches of the places, and the search coordinates of the places."""
         forms = [branch.exponential for branch in self.grid.branches]
         owner = [forms.index(branch.exponential) for branch, _ in places]

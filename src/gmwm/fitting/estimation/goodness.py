@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import FrozenArrays
+from gmwm.base.arrays import Booleans, FrozenArrays, Integers
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
+from gmwm.base.lazy import scipy
 from gmwm.base.text import Summarised, counted, p_relation, p_text
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.fitting.estimation.intervals import Method
@@ -49,7 +49,7 @@ class GoodnessOfFit(FrozenArrays, Documented, Summarised):
     statistic: float
     df: int | None
     pvalue: float
-    levels: NDArray[np.int64]
+    levels: Integers
     left_out: tuple[int, ...]
     method: Method
 
@@ -143,8 +143,6 @@ def goodness_of_fit(
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:
     """Compute the chi-square test of `Fit.goodness_of_fit`."""
-    from scipy.special import gammaincc
-
     wv = fit.wavelet_variance
     used = int(np.count_nonzero(usable_levels(wv)))
     free = len(fit.model.names) - len(fit.model.fixed_names)
@@ -154,8 +152,8 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
-        statistic=statistic, df=df, pvalue=float(gammaincc(df / 2, statistic / 2)), levels=wv.levels[:used].copy(),
-        left_out=tuple(int(j) for j in wv.levels[used:]), method="asymptotic",
+        statistic=statistic, df=df, pvalue=float(scipy.special.gammaincc(df / 2, statistic / 2)),
+        levels=wv.levels[:used].copy(), left_out=tuple(int(j) for j in wv.levels[used:]), method="asymptotic",
     )  # fmt: skip
 
 
@@ -167,7 +165,7 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
     )
 
 
-def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
+def usable_levels(wv: WaveletVariance) -> Booleans:
     """Return a mask (J,) of the levels of a wavelet variance that have enough degrees of freedom for the test."""
     return usable_in(Design.of(wv))
 

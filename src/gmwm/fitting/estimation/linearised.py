@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
 from gmwm.fitting.estimation.weighting import square_root
 from gmwm.measuring.covariance import Design
 from gmwm.theory.processes.model import Model
@@ -34,13 +33,13 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     return (result + result.T) / 2
 
 
-def usable_in(design: Design) -> NDArray[np.bool_]:
+def usable_in(design: Design) -> Booleans:
     """Return a mask (J,) of the levels with enough degrees of freedom for a test, which then has its size
     (docs/validation/goodness.md and recordings.md). The two coarsest levels of a recording are left out."""
     return np.asarray(design.degrees_of_freedom > 3.0)
 
 
-def parameter_gain(weighted: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
+def parameter_gain(weighted: Matrix) -> tuple[Matrix, Booleans]:
     """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask (p,) of the undetermined
     parameters."""
     length = np.linalg.norm(weighted, axis=0)

@@ -16,6 +16,7 @@ import numpy as np
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import columns_of, relative_jacobian, square_of_rest
 from gmwm.fitting.estimation.result import Fit
@@ -70,8 +71,6 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 def implausible_levels(fit: Fit, size: float = COARSE_TEST_SIZE) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Return a mask (J,) of the coarse levels, with at most 30 degrees of freedom, that differ from the model by more
     than chance explains, by chi-square tests with the probability `size` of at least one marked level."""
-    from scipy.special import gammainc, gammaincc
-
     wv = fit.wavelet_variance
     design = Design.of(wv)
     coarse = (design.degrees_of_freedom <= JUDGED_FREEDOM) & (fit.implied > 0) & (wv.variance > 0)
@@ -80,7 +79,7 @@ def implausible_levels(fit: Fit, size: float = COARSE_TEST_SIZE) -> np.ndarray[A
     freedom = 2 * fit.implied**2 / np.where(coarse, variances(fit.model, design), np.inf)
     place = np.where(coarse, freedom * wv.variance / np.where(coarse, fit.implied, 1.0) / 2, 1.0)
     half = np.where(coarse, np.maximum(freedom, 1e-3) / 2, 1.0)
-    tail = 2 * np.minimum(gammainc(half, place), gammaincc(half, place))
+    tail = 2 * np.minimum(scipy.special.gammainc(half, place), scipy.special.gammaincc(half, place))
     return np.asarray(coarse & (tail < size / np.count_nonzero(coarse)))
 
 
@@ -142,16 +141,12 @@ class Distance:
     def surely(self) -> float:
         """p-value if every level counted as a degree of freedom, an upper bound for models made of some of the
         terms."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
+        return float(scipy.special.gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     @property
     def pvalue(self) -> float:
         """p-value of the chi-square test; 1 without degrees of freedom."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
+        return float(scipy.special.gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
 
     def statistic(self, error: float) -> float:
         """Compute the chi-square statistic of the residuals that the parameters do not explain, for a relative model

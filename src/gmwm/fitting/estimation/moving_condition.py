@@ -29,8 +29,7 @@ PARTS = 4
 """Number of parts of a bin over which the curve of the model is averaged. The outer bins of an irregular condition are
 wide: the curve at the mean condition may differ from the mean by 2 %, that of four parts by less than 0.6 %
 (tests/estimation/test_moving.py)."""
-SHORTEST = 16
-"""Number of samples over which the condition is averaged before it is assigned to a bin."""
+SHORTEST = 16  # number of samples over which the condition is averaged before it is assigned to a bin
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +42,6 @@ class ConditionBins:
     conditions: tuple[Vector, ...]
     parts: NDArray[np.float64]
     whole: WaveletVariance
-
-    @property
-    def levels(self) -> int:
-        """Number of levels that are measured in the bins."""
-        return len(self.curves[0])
 
     @property
     def range(self) -> tuple[float, float]:

@@ -7,9 +7,8 @@ from functools import cached_property, lru_cache
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Integers, Matrix, Vector, freeze
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.variance.result import WaveletVariance
@@ -32,7 +31,7 @@ class Problem:
     fixed. Problems that share `weights` share what depends on Ω only."""
 
     model: Model
-    levels: NDArray[np.int64]
+    levels: Integers
     rate: float
     filter: WaveletFilter
     samples: int
@@ -142,7 +141,7 @@ def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
     return unit, weighted / unit
 
 
-def unit_shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
+def unit_shape(process: Process, levels: Integers, rate: float, filter: WaveletFilter) -> Vector:
     """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape; ModelError if it is
     zero."""
     return _unit_shape(process, tuple(levels.tolist()), rate, filter)

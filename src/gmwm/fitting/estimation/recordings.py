@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.base.random_effects import Effects, confidence_of_mean, effects
+from gmwm.base.lazy import scipy
+from gmwm.base.statistics import Effects, confidence_of_mean, effects
 from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance
@@ -56,9 +57,7 @@ class Deviations(FrozenArrays):
     @property
     def pvalue(self) -> float:
         """p-value of the test; 1 if there is no degree of freedom."""
-        from scipy.special import gammaincc
-
-        return float(gammaincc(self.df / 2, self.statistic / 2)) if self.df > 0 else 1.0
+        return float(scipy.special.gammaincc(self.df / 2, self.statistic / 2)) if self.df > 0 else 1.0
 
     @property
     def variances(self) -> Matrix:
@@ -183,8 +182,6 @@ def _parts(fit: Fit, names: list[str]) -> list[_RecordingData]:
 def _error_between(parts: list[_RecordingData]) -> float:
     """Return the relative difference between the recordings at each level that the parameters do not describe; 0 unless
     a test finds one. Without it, the precise first levels would determine the deviations of all parameters."""
-    from scipy.special import gammaincc
-
     if len(parts) < 2:
         return 0.0
 
@@ -197,7 +194,7 @@ def _error_between(parts: list[_RecordingData]) -> float:
         return total, freedom * (1 - 1 / len(parts))
 
     statistic, freedom = rest(0.0)
-    if freedom <= 0 or gammaincc(freedom / 2, statistic / 2) >= DIFFERENCE_PVALUE:
+    if freedom <= 0 or scipy.special.gammaincc(freedom / 2, statistic / 2) >= DIFFERENCE_PVALUE:
         return 0.0
     # Smallest relative difference between recordings, which is the relative standard error of ν̂² from 10¹² samples.
     low, high = 1e-6, 1.0

@@ -38,10 +38,8 @@ from gmwm.theory.processes.model import Model
 MOST_SEARCHES = 3
 """Largest number of repeated searches (tests/estimation/test_arma_fits.py: two lines are both found)."""
 
-DESCENT_STARTS = 10
-"""Number of points of a scan from which descents start."""
-FOLLOWED_DESCENTS = 3
-"""Number of descents that are followed to the end."""
+DESCENT_STARTS = 10  # number of points of a scan from which descents start
+FOLLOWED_DESCENTS = 3  # number of descents that are followed to the end
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,7 @@ class Solution:
     start: Start
     point: ShapePoint | None = None
     curvature: Curvature | None = None
-    origin: ShapePoint | None = None
-    """Point from which the descent to `point` started."""
+    origin: ShapePoint | None = None  # point from which the descent to `point` started
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:

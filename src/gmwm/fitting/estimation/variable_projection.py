@@ -23,8 +23,7 @@ from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
 
-ROUNDING_NOISE = 1e-12
-"""Relative difference below which two objectives are equal up to rounding."""
+ROUNDING_NOISE = 1e-12  # relative difference below which two objectives are equal up to rounding
 _COMPLEX = 1e-30
 
 

@@ -7,13 +7,13 @@ import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.base.differences import Difference, DifferenceTests
+from gmwm.base.arrays import Booleans, FrozenArrays, Integers, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.lazy import scipy
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.fitting.estimation import fit
 from gmwm.fitting.estimation.moving_condition import condition_of
@@ -80,7 +80,7 @@ class NoiseAgainst(FrozenArrays, Documented, DifferenceTests):
     condition: str
     unit: str
     range: tuple[float, float]
-    levels: NDArray[np.int64]
+    levels: Integers
     tau: Vector
     slopes: tuple[Slope, ...]
     pvalue: float
@@ -173,8 +173,6 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     >>> round(found.terms["WN"].value, 3)
     0.02
     """
-    from scipy.special import gammaincc
-
     if not isinstance(signal, Signal):
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = condition_of(signal, condition)
@@ -218,18 +216,16 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         axis=signal.axis, condition=term.name, unit=term.unit, range=(float(np.min(values)), float(np.max(values))),
         levels=levels.copy(), tau=wv.tau[used],
         slopes=tuple(_test(s, e) for s, e in zip(slopes, np.sqrt(np.diag(errors)), strict=True)),
-        pvalue=float(gammaincc(levels.size / 2, statistic / 2)), terms=terms,
-        pvalue_terms=float(gammaincc(free / 2, remainder / 2)) if free > 0 else None,
+        pvalue=float(scipy.special.gammaincc(levels.size / 2, statistic / 2)), terms=terms,
+        pvalue_terms=float(scipy.special.gammaincc(free / 2, remainder / 2)) if free > 0 else None,
     )  # fmt: skip
 
 
 def _test(value: float, error: float) -> Slope:
-    from scipy.special import ndtr
-
-    return Slope(float(value), float(error), 2 * float(ndtr(-abs(value) / error)))
+    return Slope(float(value), float(error), 2 * float(scipy.special.ndtr(-abs(value) / error)))
 
 
-def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> tuple[list[str], Matrix]:
+def _shares(model: ModelLike, wv: WaveletVariance, used: Booleans) -> tuple[list[str], Matrix]:
     """Return the names of the terms that the data support, and the share (J, terms) of each in the wavelet variance."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
@@ -243,7 +239,7 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: NDArray[np.bool_]) -> t
     return list(parts), np.column_stack(list(parts.values())) if parts else np.zeros((int(np.sum(used)), 0))
 
 
-def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
+def _slow(signal: Signal, values: Vector, design: Design) -> Booleans:
     """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
     coefficient."""
     # Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md).
@@ -262,7 +258,7 @@ def _slow(signal: Signal, values: Vector, design: Design) -> NDArray[np.bool_]:
     return mask
 
 
-def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64], Vector, Vector]:
+def _parts(signal: Signal, values: Vector, level: int) -> tuple[Integers, Vector, Vector]:
     """Divide the coefficients of a level into parts: their number, sum of squares, and mean condition in each part."""
     pieces = [
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
@@ -280,7 +276,7 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[NDArray[np.int64
     return np.concatenate(counts), np.concatenate(sums), np.concatenate(means)
 
 
-def _slope(counts: NDArray[np.int64], sums: Vector, means: Vector) -> tuple[float, float]:
+def _slope(counts: Integers, sums: Vector, means: Vector) -> tuple[float, float]:
     """Return the relative change of the standard deviation per unit of the condition at one level, and the standard
     deviation of the condition over the parts."""
     away = means - np.average(means, weights=counts)

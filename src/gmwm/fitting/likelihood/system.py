@@ -19,8 +19,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 from gmwm.theory.statespace import StateSpace, powers
 
-LEVEL = "level"
-"""Label of the constant level of the recording, which a random walk of the model includes."""
+LEVEL = "level"  # label of the constant level of the recording, which a random walk of the model includes
 DIFFERENCE_STEP = 0.02
 """Step of sixth-order differences, with an error of about STEP⁶ = 6e-11 (tests/likelihood/test_score.py)."""
 

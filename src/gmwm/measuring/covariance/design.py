@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, freeze
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.robust import MEAN_SQUARE_COUNT
 from gmwm.measuring.variance.transform import Transform, coefficient_counts, loss_factor, pooled_counts
@@ -52,7 +51,7 @@ class Design:
     array([99, 97, 93])
     """
 
-    levels: NDArray[np.int64]
+    levels: Integers
     samples: int
     rate: float
     filter: WaveletFilter = HAAR
@@ -61,7 +60,7 @@ class Design:
     segments: tuple[int, ...] = ()
     filled: int = 0
     strides: tuple[int, ...] = ()
-    pooled: NDArray[np.int64] | None = None
+    pooled: Integers | None = None
     excess: Matrix | None = None
     model_error: float = 0.0
 
@@ -89,7 +88,7 @@ class Design:
         return max(self.lengths)
 
     @cached_property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Integers:
         """Number M_j (J,) of coefficients of each level in all segments, including those that strides leave out."""
         return freeze(pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0])
 
@@ -105,11 +104,11 @@ class Design:
         return loss_factor(self.filled, self.samples)
 
     @property
-    def few(self) -> NDArray[np.bool_]:
+    def few(self) -> Booleans:
         """Mask (J,) of the levels that have too few coefficients, in all segments together, for a robust estimate."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= MEAN_SQUARE_COUNT)
 
-    def only(self, which: NDArray[np.bool_]) -> Design:
+    def only(self, which: Booleans) -> Design:
         """Return the design with only the levels that the mask `which` (J,) selects."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
@@ -137,7 +136,7 @@ class Design:
         # (tests/covariance/test_excess.py).
         return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), 0.01**2)))
 
-    def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
+    def segment(self, length: int, counts: Integers) -> Design | None:
         """Return the design of one segment of a given length; None if the segment has no level.
 
         `counts` are the numbers of coefficients of all segments together.
@@ -148,7 +147,7 @@ class Design:
         single = replace(self, excess=None).only(reached)
         return replace(single, samples=length, segments=(), pooled=counts[reached], model_error=0.0)
 
-    def reached(self, length: int) -> NDArray[np.bool_]:
+    def reached(self, length: int) -> Booleans:
         """Return the mask (J,) of the levels with a coefficient in a segment of a given length."""
         return coefficient_counts(length, self.levels, self.filter, self.transform) > 0
 

@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import DataError
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design
@@ -176,7 +176,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
     return share, correlation, tapers
 
 
-def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
+def _squares(values: Vector, design: Design) -> Iterator[tuple[Integers, Vector]]:
     """Yield, level by level, the times (samples, without those missing in gaps) and the squares of the inner
     coefficients."""
     segments, first = [], 0
@@ -190,7 +190,7 @@ def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64]
         yield np.concatenate([first + places for first, places, _ in here]), np.concatenate([w for _, _, w in here])
 
 
-def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
+def _squares_of(values: Vector, design: Design) -> Iterator[tuple[Integers, Vector]]:
     """Yield, level by level, the times and the squares of the coefficients of one segment."""
     filter, wanted = design.filter, design.levels.tolist()
     if design.transform == "dwt":

@@ -19,10 +19,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.threads import check_stop
 from gmwm.measuring.covariance.design import Design
@@ -37,10 +36,8 @@ LONGEST_SAMPLES = 2**26
 OVERSAMPLED = 4
 """The covariance of a pair of levels is summed over lags that are 2^(j − OVERSAMPLED) apart, where j is the finer
 level. The spacing is smaller if V_jj would otherwise change by more than `_ALIKE`."""
-LEAST_LAGS = 2**15
-"""Smallest number of positive lags in a sum, unless the recording is shorter."""
-_ALIKE = 2e-5
-"""Largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted."""
+LEAST_LAGS = 2**15  # smallest number of positive lags in a sum, unless the recording is shorter
+_ALIKE = 2e-5  # largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -168,7 +165,7 @@ class Lags:
         return total
 
 
-def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
+def _pairs(design: Design, a: int, b: int, lags: Integers) -> Matrix:
     """Return the number n(u) of pairs of coefficients at the lags u, for the levels at indices a and b."""
     if design.transform == "dwt":
         apart = 1 << int(design.levels[a])
@@ -303,7 +300,7 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
     return total
 
 
-def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
+def _decimated_pairs(design: Design, a: int, b: int, lags: Integers) -> Vector:
     """Return the number of pairs of inner decimated coefficients whose last samples are 2^j `lags` apart; j is the
     finer level. Coefficient n of level j ends at sample 2^j (n + 1) − 1. Those of the coarser level with n + 1 from
     `low` to `high` have a partner in the finer level at this lag."""

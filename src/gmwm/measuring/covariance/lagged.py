@@ -11,9 +11,8 @@ The moment of a lag l is the mean square of Z_t = (W_{1,t} + W_{1,t−l})/√2. 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.threads import check_stop
 from gmwm.measuring.covariance.design import Design
@@ -81,7 +80,7 @@ class _Sums:
             result += self.cumulant * self._excess(a, b)
         return result / float(self.design.counts[a]) / float(self.design.counts[b])
 
-    def _pairs(self, a: int, b: int, u: NDArray[np.int64]) -> Vector:
+    def _pairs(self, a: int, b: int, u: Integers) -> Vector:
         """Return the number n(u) of pairs of coefficients at the lags u."""
         last = self.design.samples - 1 - np.maximum(u, 0)
         first = np.maximum(self.widths[a] - 1, self.widths[b] - 1 - u)
@@ -107,7 +106,7 @@ def _against(known: Vector, samples: int, half: int, least: float) -> tuple[int,
     return int(u[seen[0]]), values[seen[0] : seen[-1] + 1]
 
 
-def _taps(level: int) -> tuple[NDArray[np.int64], Vector]:
+def _taps(level: int) -> tuple[Integers, Vector]:
     """Return the offsets and the weights of the errors e_t in a coefficient of a signal x_t = e_t − e_{t−1}."""
     if level > 0:
         return np.array([0, 1, 2]) << (level - 1), np.array([1.0, -2.0, 1.0]) / 2.0**level

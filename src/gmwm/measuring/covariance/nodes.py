@@ -11,10 +11,9 @@ import threading
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Vector
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Integers, Vector
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes import haar_covariance
 from gmwm.theory.processes.base import Process
@@ -27,8 +26,7 @@ sets."""
 SLOWEST_DECAYS = 20.0
 """Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
 kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
-MOST_CACHED = 1_050_000
-"""Largest number of values that are cached for the shapes of a grid that are not fixed."""
+MOST_CACHED = 1_050_000  # largest number of values that are cached for the shapes of a grid that are not fixed
 
 
 _COVARIANCES = {
@@ -39,7 +37,7 @@ _COVARIANCES = {
 
 def lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
-) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+) -> tuple[LagGrid, Vector, Integers]:
     """Return the nodes of the sums over lags, in steps of `stride` samples, their weights, and the first node of each
     pair. `decays_of` is the sampling rate (Hz), if it differs from the rate of the design."""
     rate = design.rate if decays_of is None else decays_of
@@ -75,9 +73,9 @@ class _Grid:
     levels: tuple[int, ...]
     at: LagGrid
     weight: Vector
-    starts: NDArray[np.int64]
+    starts: Integers
 
-    def first(self, levels: int, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    def first(self, levels: int, *, diagonal: bool) -> tuple[LagGrid, Vector, Integers]:
         """Return the nodes, weights and starts for the first levels, whose pairs come first."""
         pairs = levels if diagonal else levels * (levels + 1) // 2
         if pairs == self.starts.size:
@@ -120,7 +118,7 @@ class _Grids:
 _grids = _Grids()
 
 
-def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, Integers]:
     """Return the nodes for some levels; recordings of one length share them, also with fewer levels."""
     return _grids.get(levels, key).first(len(levels), diagonal=key[3])
 
@@ -152,7 +150,7 @@ def total_at(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
 
 
 def product_sums(
-    present: list[Process], at: LagGrid, weight: Vector, starts: NDArray[np.int64], rate: float
+    present: list[Process], at: LagGrid, weight: Vector, starts: Integers, rate: float
 ) -> tuple[Vector, Vector]:
     """Compute Σ n Cov and Σ n Cov² over the nodes of each pair of levels, for exponentials pair by pair to avoid large
     arrays. If a shape is needed a second time, its covariances at all nodes are cached."""

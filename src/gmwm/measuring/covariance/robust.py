@@ -8,7 +8,9 @@ from functools import lru_cache
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.biweight import biweight
+from gmwm.theory.processes.model import Model
 
 
 def hermite_weights(efficiency: float) -> Vector:
@@ -46,6 +48,18 @@ def _weights(efficiency: float) -> Vector:
     weights = 2 * np.array(moments) / moments[0]
     weights[-1] += max(2 / efficiency - weights.sum(), 0.0)
     return np.asarray(freeze(weights))
+
+
+def rounding_bias(model: Model, design: Design) -> Vector:
+    """Compute the relative error (J,) of robust Haar wavelet variances by uniform rounding errors, which have lighter
+    tails than Gaussian ones: −√(c_4/24) κ_j to first order in the excess kurtosis κ_j of the coefficients, of which
+    (1, −2, 1)/2^j multiply the errors. c_4 is the second of the `hermite_weights`."""
+    cumulant = sum(process.error_cumulant for process in model.processes if process.scale > 0)
+    if not cumulant or design.efficiency is None or not design.running_sum:
+        return np.zeros(design.levels.size)
+    curve = model.wavelet_variance(design.levels, design.rate, design.filter)
+    kurtosis = 18.0 * cumulant / (4.0**design.levels * curve) ** 2
+    return np.asarray(-math.sqrt(hermite_weights(design.efficiency)[1] / 24) * kurtosis)
 
 
 @lru_cache(maxsize=64)

@@ -14,8 +14,7 @@ from gmwm.measuring.inspection.time_grid import Extent
 BLOCK = 1000
 """Number of samples of a local median: longer than a knock and shorter than a drift (tests/test_inspection_limits.py,
 as all constants here but `FEWEST`)."""
-FEWEST = 64
-"""Smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %."""
+FEWEST = 64  # smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]

@@ -25,30 +25,24 @@ from gmwm.recording.signals import Signal
 
 LARGE = 5.0
 """Size of a large coefficient, in local standard deviations (docs/validation/tails.md, as the next four constants)."""
-FEWEST = 5
-"""Smallest number of large coefficients in a burst."""
+FEWEST = 5  # smallest number of large coefficients in a burst
 HUGE, FEW = 20.0, 3
 """Size of a huge coefficient, which heavy tails cannot explain, and smallest number of large coefficients in a burst
 with a huge one."""
-APART = 8
-"""Largest distance between neighbouring large coefficients of a burst, in half scales."""
+APART = 8  # largest distance between neighbouring large coefficients of a burst, in half scales
 MATERIAL = 0.01
 """Smallest share of the classical variance at which bursts matter. It changes a standard deviation by 0.5 %."""
-RARE = 0.15
-"""Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance."""
-LONGEST = 10.0
-"""Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst."""
+RARE = 0.15  # Largest share of the time in bursts. A longer change is a state of the sensor, not a disturbance.
+LONGEST = 10.0  # Longest scale (s) at which bursts are searched. At longer scales, a warm-up looks like a burst.
 NEIGHBOURHOOD = 60.0
 """Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
 _SMALL, _FALSE = 3.5, 1e-4
 """For small bursts, the smallest size of a large coefficient, and the expected number of false bursts in a panel."""
-_CHANCE = 0.01
-"""Largest expected number of bursts in a panel that heavy tails explain."""
+_CHANCE = 0.01  # largest expected number of bursts in a panel that heavy tails explain
 _ALONE, _BESIDE = 1.5, 32
 """For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
 number of coefficients for this spread."""
-_PIECES = 64
-"""Smallest number of coefficients for a local standard deviation; its relative error is about 15 %."""
+_PIECES = 64  # smallest number of coefficients for a local standard deviation; its relative error is about 15 %
 Indices = NDArray[np.int64]
 Ranges = NDArray[np.int64]
 

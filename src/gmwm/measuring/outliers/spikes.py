@@ -28,30 +28,24 @@ the rates of correct and wrong decisions with the constants of this file."""
 MORE = 1.6
 """Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
 variance."""
-CERTAIN = 1e-6
-"""Largest probability, under the bulk, of the number of residuals beyond θ."""
+CERTAIN = 1e-6  # largest probability, under the bulk, of the number of residuals beyond θ
 FALSE = 0.1
 """Largest expected share of correct samples among the residuals beyond θ. As many residuals, chosen at random, are
 kept."""
-LEAST = 4.0
-"""Smallest threshold, in local standard deviations."""
-MOST = 0.1
-"""Largest share of spikes among the samples."""
+LEAST = 4.0  # smallest threshold, in local standard deviations
+MOST = 0.1  # largest share of spikes among the samples
 RUN = 3
 """Largest number of neighbouring samples that can all be spikes. An encoder error, for example, changes two rates."""
 CROWD, NEAR = 6, 10
 """Largest number of spikes within `NEAR` samples on either side; more spikes form a cluster, which is a knock."""
-CLEAR = 100
-"""Distance (samples) from a cluster within which no sample is treated as a spike."""
+CLEAR = 100  # distance (samples) from a cluster within which no sample is treated as a spike
 _REACHES = (3, 12)
 """Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
-_FEW = 12
-"""Number of spikes below which no residual may be between θ / 2 and θ."""
+_FEW = 12  # number of spikes below which no residual may be between θ / 2 and θ
 _POWER_LAW = 1.25
 """Largest exponent of a power law of sizes below which smaller ones are more frequent. It is 1 for a Cauchy
 distribution, and 1.5 for Gaussian sizes of 8 standard deviations (tests/outliers/test_spikes.py)."""
-_BULK = 50_000
-"""Number of residuals from which the spread and the tails of the bulk are estimated."""
+_BULK = 50_000  # number of residuals from which the spread and the tails of the bulk are estimated
 _PRECISE = 500_000
 """The same number for a recording with spikes: 0.3 % of samples at 6 standard deviations add 10 % to the variance."""
 _BIN, _NONE = 0.25, 0.005
@@ -204,14 +198,18 @@ def _bulk(
     an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
     from the samples that are `right`."""
     places, stride = _sample_places(values.size, most)
-    residual = np.abs(_core.neighbour_residuals(values, values, places, reach))
+    residual = _core.neighbour_residuals(values, values, places, reach)
+    # Quantiles of rounded values are steps apart, and their ratio would not show the tails. A triangular dither of two
+    # steps makes the density continuous.
+    residual = np.abs(residual + step * np.random.default_rng(0).triangular(-1.0, 0.0, 1.0, residual.size))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
     local = row_medians(residual[: count * piece].reshape(count, piece)) / NORMAL_QUARTILE
-    local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
+    local = np.maximum(local, np.median(local))
+    relative = residual[: count * piece] / np.repeat(np.maximum(local, np.finfo(np.float64).tiny), piece)
+    local = np.sqrt(np.maximum(local**2 - step**2 / 6, step**2 / 12))
     if not local.min() > 0:
         return local, values.size, np.inf, np.inf
-    relative = residual[: count * piece] / np.repeat(local, piece)
     if right is not None:
         relative = relative[right[places[: count * piece]]]
     return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
@@ -303,16 +301,25 @@ def _smallest_certain(count: int, samples: int, freedom: float) -> float:
 
 def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
-    were found, in standard deviations `limit`. Their density at the smallest one is assumed for all smaller ones, as it
-    is for sizes with a wide distribution. If all are far beyond `certain`, the density just beyond it is assumed. If
-    the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy distribution, so do smaller ones."""
+    were found, in standard deviations `limit`. Their density above the smallest one continues below it: constant, as
+    for sizes with a wide distribution, or falling linearly to zero if it clearly falls towards it. Then the sizes are
+    alike, and the noise hides the samples that are not found. If all are far beyond `certain`, the density just beyond
+    it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy distribution, so do
+    smaller ones."""
     if deviation.size < _FEW:
         return 0.0
     least = min(float(np.min(deviation)), APART * certain)
-    count = int(np.count_nonzero(deviation <= APART * least))
+    width = (APART - 1) / 2 * least
+    near, far = (int(count) for count in np.histogram(deviation, least + width * np.arange(3))[0])
     exponent = 1 / float(np.mean(np.log(np.maximum(deviation / least, 1.0 + 1e-9))))
     flatness = 2 - exponent if exponent < _POWER_LAW else 3.0
-    return count / (APART - 1) * least**2 / flatness * float(np.mean(limit**2))
+    squares = (near + far) / (2 * width) * least**3 / flatness
+    rise = (far - near - math.sqrt(far + near)) / width**2
+    if rise > 0:
+        edge = max(near / width - rise * width / 2, 0.0)
+        below = min(edge / rise, least)
+        squares = min((edge - rise * below / 2) * below * float(np.mean(deviation**2)), squares)
+    return squares * float(np.mean(limit**2))
 
 
 def _in_crowds(at: NDArray[np.int64], samples: int) -> NDArray[np.int64]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, freeze
+from gmwm.base.lazy import scipy
 from gmwm.base.time_base import begins_of
 from gmwm.recording.batches import BATCH_SAMPLES
 
@@ -73,17 +73,17 @@ class BlockClock:
                 begin = stop
         return pieces
 
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Integers:
         """Return the number of observed samples in each block."""
         return self._counts
 
     @cached_property
-    def _ranges(self) -> NDArray[np.int64]:
+    def _ranges(self) -> Integers:
         """First sample, end and time of the first sample (in sampling intervals) of each segment (k, 3)."""
         return np.column_stack([np.array(self.segments, dtype=np.int64), np.array(self.offsets, dtype=np.int64)])
 
     @cached_property
-    def _counts(self) -> NDArray[np.int64]:
+    def _counts(self) -> Integers:
         first, last, offset = self._ranges.T
         # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
         # integers, so the result is exact.
@@ -91,11 +91,11 @@ class BlockClock:
         before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
         return freeze(np.diff(before).astype(np.int64))
 
-    def present(self) -> NDArray[np.bool_]:
+    def present(self) -> Booleans:
         """Return the mask of the blocks with at least half of their samples."""
         return np.asarray(self.counts() * 2 >= self.length)
 
-    def whole(self) -> NDArray[np.bool_]:
+    def whole(self) -> Booleans:
         """Return the mask of the blocks with all of their samples."""
         return np.asarray(self.counts() == self.length)
 
@@ -175,8 +175,6 @@ class BlockClock:
         """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
         kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
         between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
-        from scipy.interpolate import CubicSpline
-
         at, curve = self._lines(means)
         if self.length == finer.length or self.blocks < 4:
             return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))
@@ -185,7 +183,7 @@ class BlockClock:
         middles = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
         sums = np.concatenate([[0.0], np.cumsum(middles * np.diff(edges))])
         at = np.append(np.arange(finer.blocks) * float(finer.length), edges[-1])
-        return np.asarray(np.diff(CubicSpline(edges, sums)(at)) / np.diff(at))
+        return np.asarray(np.diff(scipy.interpolate.CubicSpline(edges, sums)(at)) / np.diff(at))
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
         """Return times (sampling intervals) and values of nodes of a line through the means of non-empty blocks."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.lazy import scipy
 from gmwm.base.time_base import times_of
 from gmwm.measuring.regression.against import OFFSETS, TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
@@ -221,14 +222,12 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 def without_steps(values: Vector, step: float) -> Vector:
     """Smooth a quantized series by a spline halfway between two values at a change, within half a step; not if it often
     jumps back."""
-    from scipy.interpolate import CubicSpline
-
     at = np.flatnonzero(values[1:] != values[:-1])
     middle = (values[at] + values[at + 1]) / 2
     if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > 0.3 * at.size:
         return values
     places = np.clip(np.arange(values.size, dtype=np.float64), at[0] + 0.5, at[-1] + 0.5)
-    return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
+    return np.clip(scipy.interpolate.CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
 
 
 def _is_dithered(values: Vector) -> bool:

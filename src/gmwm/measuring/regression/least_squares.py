@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, runs_of
+from gmwm.base.lazy import scipy
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.theory.processes.base import Process
@@ -181,24 +182,20 @@ class Weighted:
     def covariance_rows(self, lags: Vector) -> Matrix:
         """Compute Σ Bᵀ (n, p) for the generalised covariance `lags`. Columns of U sum to zero in every run, so each run
         may have its own offset, and a random walk is allowed."""
-        from scipy import fft
-
         n = len(self.rows)
-        size = fft.next_fast_len(2 * n, real=True)
+        size = scipy.fft.next_fast_len(2 * n, real=True)
         circle = np.zeros(size)
         circle[:n], circle[size - n + 1 :] = lags, lags[1:][::-1]
-        product = fft.rfft(circle)[:, None] * fft.rfft(self.rows, size, axis=0)
-        return np.asarray(fft.irfft(product, size, axis=0)[:n])
+        product = scipy.fft.rfft(circle)[:, None] * scipy.fft.rfft(self.rows, size, axis=0)
+        return np.asarray(scipy.fft.irfft(product, size, axis=0)[:n])
 
     @cached_property
     def lag_products(self) -> Matrix:
         """Sums Σ_t (B_at B_b,t+l + B_a,t+l B_bt) at the lags l = 1 … n − 1 (n, p, p), and Σ_t B_at B_bt at 0."""
-        from scipy import fft
-
         n = len(self.rows)
-        size = fft.next_fast_len(2 * n, real=True)
-        rows = fft.rfft(self.rows, size, axis=0)
-        cross = fft.irfft(np.conj(rows)[:, :, None] * rows[:, None, :], size, axis=0)
+        size = scipy.fft.next_fast_len(2 * n, real=True)
+        rows = scipy.fft.rfft(self.rows, size, axis=0)
+        cross = scipy.fft.irfft(np.conj(rows)[:, :, None] * rows[:, None, :], size, axis=0)
         products = cross[:n].copy()
         products[1:] += cross[size - n + 1 :][::-1]
         return np.asarray((products + products.transpose(0, 2, 1)) / 2)
@@ -225,9 +222,9 @@ class Weighted:
 
 def _filtered(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:
     """Multiply each frequency of the cosine transform of columns (n, p) by its weight."""
-    from scipy import fft
-
-    return np.asarray(fft.idct(weights[:, None] * fft.dct(columns, axis=0, norm="ortho"), axis=0, norm="ortho"))
+    return np.asarray(
+        scipy.fft.idct(weights[:, None] * scipy.fft.dct(columns, axis=0, norm="ortho"), axis=0, norm="ortho")
+    )
 
 
 def _filtered_between_gaps(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted
+from gmwm.base.lazy import scipy
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, duration_text
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.covariates import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance
@@ -64,9 +65,7 @@ class Coefficient:
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the interval (low, high) at the level `confidence` from Student's t distribution, in `unit`."""
-        from scipy.special import stdtrit
-
-        reach = float(stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
+        reach = float(scipy.special.stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
         return self.value - reach, self.value + reach
 
 
@@ -127,14 +126,12 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     coarse: tuple[float, float, float] | None = None
 
     def __getitem__(self, name: str) -> Coefficient:
-        from scipy.special import stdtr
-
         names = list(self)
         if name not in names:
             raise DataError(argument="name", expected=f"one of {', '.join(names)}", got=name)
         k = names.index(name)
         value, error, freedom = self.estimates[k], float(np.sqrt(self.covariance[k, k])), self.freedoms[k]
-        pvalue = 2 * float(stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
+        pvalue = 2 * float(scipy.special.stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
         return Coefficient(
             value=value, error=error, unit=per(self.unit, self.columns[k].power), freedom=freedom, pvalue=pvalue
         )
@@ -191,8 +188,6 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         OptionError
             If the covariate is unknown, or a value is outside the range of the recording.
         """
-        from scipy.special import stdtrit
-
         covariate = self.terms[0].name if name is None else name
         if covariate not in self.references or covariate == WARM_UP:
             names = ", ".join(n for n in self.references if n != WARM_UP)
@@ -208,7 +203,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         rows = self.basis.along(covariate, points)
         value = rows @ np.array(self.estimates)
         error = np.sqrt(np.maximum(np.einsum("ma,ab,mb->m", rows, self.covariance, rows), 0.0))
-        width = float(stdtrit(min(self.freedoms), (1 + confidence) / 2)) * error
+        width = float(scipy.special.stdtrit(min(self.freedoms), (1 + confidence) / 2)) * error
         return Effect(points, value, value - width, value + width)
 
     def polynomial(self, reference: float | None = None) -> Vector:

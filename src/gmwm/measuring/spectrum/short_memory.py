@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
+from gmwm.base.lazy import scipy
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 """Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
 resonances (tests/spectrum/test_short_memory.py)."""
-HIGHEST_ORDER = 10
-"""Largest order p or q."""
+HIGHEST_ORDER = 10  # largest order p or q
 LARGEST_ERROR_AT_ZERO = 0.05
 """Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""
 POLE, ZERO = 0.987, 1 - 1e-6
@@ -177,10 +177,8 @@ def _best_of_each_order(tried: Sequence[_ArmaPoint]) -> list[_ArmaPoint]:
 
 def _log_bias(degrees_of_freedom: Vector) -> Vector:
     """Return the mean (n,) of the logarithm of an estimate divided by its expectation, about −1/η."""
-    from scipy.special import digamma
-
     half = degrees_of_freedom / 2
-    return np.asarray(digamma(half) - np.log(half))
+    return np.asarray(scipy.special.digamma(half) - np.log(half))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Integers, Vector, freeze
+from gmwm.base.lazy import scipy
 
-Detrend = Literal["constant", "linear"]
-"""Trend that is subtracted from each block: the mean, or the least-squares line."""
+Detrend = Literal["constant", "linear"]  # trend that is subtracted from each block: the mean, or the least-squares line
 ENERGY_WIDTH = 1.5
 """Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
 HALF_POWER_WIDTH = 1.44
@@ -51,7 +50,7 @@ class Periodograms(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def band_edges(length: int) -> NDArray[np.int64]:
+def band_edges(length: int) -> Integers:
     """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the
     mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
@@ -60,8 +59,6 @@ def band_edges(length: int) -> NDArray[np.int64]:
 
 def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     """Return the sums over all blocks of `values` that begin at multiples of length / 2."""
-    from scipy.fft import rfft
-
     sums = Periodograms.none(length)
     if values.size < length:
         return sums
@@ -81,7 +78,7 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
             line = _centred_time(length)
             batch -= (batch @ line)[:, None] * line
         batch *= window
-        parts = rfft(batch, axis=1, overwrite_x=True).view(np.float64)
+        parts = scipy.fft.rfft(batch, axis=1, overwrite_x=True).view(np.float64)
         np.multiply(parts, parts, out=parts)
         power = parts[:, ::2] + parts[:, 1::2]
         total += power.sum(axis=0)

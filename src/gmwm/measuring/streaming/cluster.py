@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 PART_BYTES = 64 << 20
 """Default limit of the size of a worker's result for a part (bytes). It is a choice; six axes have 19 exact levels."""
-RETRIES = 2
-"""Number of retries of a part after an error that is not caused by the content of the file."""
+RETRIES = 2  # number of retries of a part after an error that is not caused by the content of the file
 
 G = TypeVar("G", WaveletAccumulator, SecondPass)
 

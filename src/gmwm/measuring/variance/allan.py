@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.measuring.axis_results import ResultsByAxis
 from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance, of_parts
 from gmwm.measuring.variance.noise_type import degrees_of_freedom, exponents, noise_types
@@ -132,7 +132,7 @@ def allan_variance(
     return cluster_variance(phase, noise, confidence, family="allan", kind=kind, **values)
 
 
-def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
+def difference_counts(points: int, clusters: Integers, order: int, overlapping: bool) -> Integers:
     """Count the differences of a phase at each cluster size n, which start at every value or every n-th value."""
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1
@@ -302,12 +302,12 @@ def total_variance(
     return cluster_variance(phase, noise, confidence, bias=bias, family="total", kind="overlapping", **values)
 
 
-def _bias(alphas: NDArray[np.int64]) -> Vector:
+def _bias(alphas: Integers) -> Vector:
     """Return the constant a of the expected ratio 1 − a τ/T of the total variance to the Allan variance."""
     return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 
-def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
+def total_degrees_of_freedom(alphas: Integers, clusters: Integers, points: int) -> Vector:
     """Compute the equivalent degrees of freedom of the total variance, at least 1. For white, flicker and random-walk
     noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per cluster, they are reduced by the same
     factor as those of the overlapping Allan variance. For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r +

@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Booleans, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, with_article
 from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.measuring.variance.allan import allan_variance
@@ -104,8 +104,7 @@ class SlopeLine:
         return np.asarray(law.factor * self.coefficient * np.asarray(tau, dtype=np.float64) ** law.slope)
 
 
-_Reason = Literal["slope", "chance", "few", "rising"]
-"""Reason why a term is not found."""
+_Reason = Literal["slope", "chance", "few", "rising"]  # reason why a term is not found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -281,7 +280,7 @@ def _exceeds_limits(line: SlopeLine, allan: ClusterVariance) -> bool:
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
-def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
+def _octaves(tau: Vector, usable: Booleans) -> list[int]:
     """Return indices of usable values that are about an octave apart; slopes between closer values are too noisy."""
     indices: list[int] = []
     for k in np.flatnonzero(usable).tolist():
@@ -290,7 +289,7 @@ def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
     return indices
 
 
-def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.bool_]:
+def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> Booleans:
     inside = (tau >= bounds[0]) & (tau <= bounds[1])
     if not inside.any():
         span = f"{tau[0]:g} … {tau[-1]:g} s" if tau.size else "no averaging time"
@@ -302,7 +301,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
     return np.asarray(inside)
 
 
-def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
+def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> Booleans:
     """Mark the longest run of values with a local slope within `tolerance` of `slope`, if there is one."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
@@ -320,7 +319,7 @@ def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, toleranc
     return chosen
 
 
-def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_]) -> SlopeLine | _Reason:
+def _line(term: Term, tau: Vector, deviation: Vector, chosen: Booleans) -> SlopeLine | _Reason:
     law = LAWS[term]
     if not chosen.any():
         return "slope"

@@ -13,13 +13,10 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 
-EFFICIENCY = 0.6
-"""Default efficiency of a robust estimate."""
+EFFICIENCY = 0.6  # default efficiency of a robust estimate
 LEAST_EFFICIENCY, LARGEST_EFFICIENCY = 0.3, 0.99
-NORMAL_QUARTILE = 0.6744897501960817
-"""Φ⁻¹(3/4): the median of |r| under N(0, 1), so that MAD / 0.67449 estimates σ."""
-REACH = math.log(20.0)
-"""Largest accepted distance of a root from the starting value, in log σ²."""
+NORMAL_QUARTILE = 0.6744897501960817  # Φ⁻¹(3/4): the median of |r| under N(0, 1), so that MAD / 0.67449 estimates σ
+REACH = math.log(20.0)  # largest accepted distance of a root from the starting value, in log σ²
 
 Number = TypeVar("Number", float, Vector)
 

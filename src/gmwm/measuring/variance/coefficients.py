@@ -7,17 +7,16 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import MISSING_SAMPLES, Vector
+from gmwm.base.arrays import MISSING_SAMPLES, Integers, Vector
 from gmwm.base.errors import DataError
 
 
 class CoefficientSource(Protocol):
     """Interface to the coefficients W of all levels. The index k is level k + 1, and `counts` has their numbers."""
 
-    counts: NDArray[np.int64]
+    counts: Integers
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
         """Return Σ v q³, Σ v q⁴ and the number of terms, v = min(W²/limit, 1) and q = 1 − v, from about one in `every`

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.measuring.variance.phase import inner_product
 
 LARGEST_FINITE = 100
@@ -20,7 +19,7 @@ products, that of the process in continuous time."""
 
 
 def degrees_of_freedom(
-    exponents: NDArray[np.int64], clusters: NDArray[np.int64], points: int, *, order: int, overlapping: bool,
+    exponents: Integers, clusters: Integers, points: int, *, order: int, overlapping: bool,
     modified: bool = False,
 ) -> Vector:  # fmt: skip
     """Compute the equivalent degrees of freedom (edf) of variances that average squared phase differences of order d.
@@ -59,7 +58,7 @@ def degrees_of_freedom(
     return np.maximum(result, 1.0)
 
 
-def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlapping: bool, modified: bool) -> Vector:
+def _of_one_noise(alpha: int, m: Integers, points: int, d: int, overlapping: bool, modified: bool) -> Vector:
     # Largest number of terms of the sum over lags; a longer sum is replaced by a quadrature rule with this many nodes.
     most_terms = 240
     stride = m.astype(np.float64) if overlapping else np.ones(m.size)
@@ -195,13 +194,13 @@ def noise_type(name: str) -> NoiseType:
     return _BY_NAME[name]
 
 
-def exponents(noise: Sequence[NoiseType]) -> NDArray[np.int64]:
+def exponents(noise: Sequence[NoiseType]) -> Integers:
     """Return the exponents α of noise types."""
     return np.array([kind.exponent for kind in noise], dtype=np.int64)
 
 
 def noise_types(
-    phase: Vector, clusters: NDArray[np.int64], variance: Vector, *, reddest: int,
+    phase: Vector, clusters: Integers, variance: Vector, *, reddest: int,
 ) -> tuple[NoiseType, ...]:  # fmt: skip
     """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
 

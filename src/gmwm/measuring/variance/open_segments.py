@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector
+from gmwm.base.arrays import Integers, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import with_article
 from gmwm.base.threads import OneAtATime, one_at_a_time
@@ -107,21 +107,16 @@ class HeldSamples:
         self._size += x.size
 
 
-EXACT_LEVELS = 14
-"""Default number of levels at which an accumulator uses every coefficient."""
+EXACT_LEVELS = 14  # default number of levels at which an accumulator uses every coefficient
 LEAST_EXACT = 6
 """Smallest number of exact levels. Up to τ = 64 samples, every τ/64-th coefficient means every coefficient."""
-MOST_EXACT = 24
-"""Largest number of exact levels."""
-MOST_LEVELS = 44
-"""Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
+MOST_EXACT = 24  # largest number of exact levels
+MOST_LEVELS = 44  # largest number of levels: 2^44 samples are 500 years at 1 kHz
 MEMORY_BYTES = 1 << 29
 """Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
 at 100 Hz; for more samples, 21 levels are exact."""
-PANEL_SAMPLES = 1 << 20
-"""Largest number of samples that are processed together."""
-UNCOPIED_SAMPLES = 1 << 18
-"""Number of samples from which a chunk is processed without a copy."""
+PANEL_SAMPLES = 1 << 20  # largest number of samples that are processed together
+UNCOPIED_SAMPLES = 1 << 18  # number of samples from which a chunk is processed without a copy
 
 
 class SegmentedAccumulator(OneAtATime):
@@ -262,7 +257,7 @@ class SegmentedAccumulator(OneAtATime):
         """Return the first and the last segment, to which another part can still be joined."""
         return [part for part in (self._first, self._last) if part is not None]
 
-    def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
+    def _sums(self) -> tuple[Vector, Integers]:
         """Return Σ W² and the number of coefficients of all levels (J,)."""
         squares, counts = self._squares.copy(), self._counts.copy()
         for part in self._open():
@@ -368,8 +363,7 @@ def whole(value: int, name: str, least: int, most: int) -> int:
     return int(value)
 
 
-LEAST_PANEL_SAMPLES = 1 << 17
-"""Smallest number of samples of a panel."""
+LEAST_PANEL_SAMPLES = 1 << 17  # smallest number of samples of a panel
 
 
 def panel_length(rate: float) -> int:

@@ -20,8 +20,7 @@ from gmwm.recording.signals import Signal
 
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
 """Name of a choice of cluster sizes: 1, 2, 4, 8, …; 1, 2, 4, 10, 20, 40, 100, …; or every size."""
-Data: TypeAlias = Literal["rate", "phase"]
-"""Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
+Data: TypeAlias = Literal["rate", "phase"]  # kind of the samples: the rate (as from an IMU), or its integral, the phase
 Progress: TypeAlias = Callable[[int, int], object]
 """Function that is called with the number of finished cluster sizes and the number of all cluster sizes."""
 

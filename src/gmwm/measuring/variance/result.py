@@ -8,17 +8,15 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.arrays import Integers, Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised, counted
-from gmwm.measuring.axis_results import AxisResults, rate_words
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import AxisResults, chi_square_limits, rate_words
 from gmwm.measuring.variance.robust import LARGE_SHARE
 from gmwm.measuring.variance.transform import (
     Transform,
@@ -94,11 +92,11 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
     True
     """
 
-    levels: NDArray[np.int64]
+    levels: Integers
     variance: Vector
     lower: Vector
     upper: Vector
-    counts: NDArray[np.int64]
+    counts: Integers
     rate: float
     samples: int
     unit: str = ""
@@ -143,7 +141,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
             )
 
     @property
-    def scales(self) -> NDArray[np.int64]:
+    def scales(self) -> Integers:
         """Scales τ_j = 2^j (samples), and l + 1 for the level −l of a lag."""
         return np.where(self.levels < 0, 1 - self.levels, np.int64(1) << np.maximum(self.levels, 0))
 
@@ -391,7 +389,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
         """Return the curve at its first `count` levels."""
         return self._at(np.arange(min(count, len(self))))
 
-    def _at(self, indices: NDArray[np.int64]) -> WaveletVariance:
+    def _at(self, indices: Integers) -> WaveletVariance:
         """Return the curve at the levels with the indices `kept`."""
         arrays = {name: getattr(self, name)[indices] for name in ("levels", "variance", "lower", "upper", "counts")}
         diagnostics = {name: {key: [values[k] for k in indices if k < len(values)] for key, values in content.items()}

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.recording.signals import Signal
 
 
@@ -57,8 +56,7 @@ def _of_segment(values: Vector, time: float) -> RiseSums:
     return RiseSums(number=values.size, time=time + middle, value=mean, times2=times2, product=product)
 
 
-MOST_STORED = 8192
-"""Largest number of stored values. If there are more, every second value is dropped."""
+MOST_STORED = 8192  # Largest number of stored values. If there are more, every second value is dropped.
 ROW_VALUES = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW_VALUES, dtype=np.float64), np.ones(ROW_VALUES)])
 
@@ -114,7 +112,7 @@ class WinsorisedRise:
 
     middle: float
     reach: float
-    edges: NDArray[np.int64]
+    edges: Integers
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:

@@ -13,10 +13,9 @@ from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Booleans, Integers, Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.variance.biweight import REACH, Biweight, biweight, scan
@@ -32,8 +31,7 @@ if TYPE_CHECKING:
 
 LEAST_OMITTED_BITS = 8
 """Smallest number of low-order bits that a cell omits. A cell is therefore at least 2^-44 of the value wide."""
-MOST_CELLS = 1 << 17
-"""Largest number of cells of a level."""
+MOST_CELLS = 1 << 17  # largest number of cells of a level
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +41,8 @@ class MedianCells:
     ascending order, and `counts` the numbers of |W|."""
 
     shift: int = LEAST_OMITTED_BITS
-    cells: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    cells: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    counts: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @classmethod
     def of(cls, sizes: Vector) -> MedianCells:
@@ -82,7 +80,7 @@ class MedianCells:
         firsts = np.flatnonzero(np.diff(cells, prepend=-1))
         return MedianCells(shift, cells[firsts], np.add.reduceat(self.counts, firsts))
 
-    def at(self, ranks: NDArray[np.int64]) -> Vector | None:
+    def at(self, ranks: Integers) -> Vector | None:
         """Return the |W| of these ranks, counted from 0 in ascending order; None if a rank is out of range."""
         ends = np.cumsum(self.counts)
         if not self.cells.size or ranks.min() < 0 or ranks.max() >= ends[-1]:
@@ -136,7 +134,7 @@ class SumRequest:
     limits: Vector
     low: Vector
     high: Vector
-    kept: NDArray[np.bool_]
+    kept: Booleans
     squares = False
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> SecondPassSums:

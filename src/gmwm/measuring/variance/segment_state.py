@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.measuring.variance.coefficients import haar_resolution
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
 
@@ -54,8 +53,7 @@ class StatisticsCollector(Protocol):
         """Return the statistics of no coefficients."""
 
 
-BLOCKS_OF_SCALE = 64
-"""Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample."""
+BLOCKS_OF_SCALE = 64  # Number of blocks per scale τ. Coefficients are computed at every τ/64-th sample.
 _KEPT = BLOCKS_OF_SCALE - 1
 
 
@@ -294,7 +292,7 @@ class SegmentState:
             statistics=statistics,
         )  # fmt: skip
 
-    def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
+    def sums(self, levels: int) -> tuple[Vector, Integers]:
         """Return Σ W² (J,) and the number of coefficients used (J,) at levels 1 … J."""
         squares, counts = np.zeros(levels), np.zeros(levels, dtype=np.int64)
         exact = min(levels, self.exact)
@@ -376,8 +374,7 @@ class SegmentState:
         )  # fmt: skip
 
 
-LARGEST_SUM = 1e140
-"""Limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow."""
+LARGEST_SUM = 1e140  # limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow
 
 
 def as_count(value: Any, least: int = 0) -> int:

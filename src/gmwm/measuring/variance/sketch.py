@@ -21,12 +21,9 @@ from gmwm.measuring.variance.coefficients import haar_resolution
 
 Counts = NDArray[np.int64]
 
-BINS_OF_OCTAVE = 128
-"""Bins per octave."""
-SUM_UNIT = 2.0**-24
-"""Unit of the sums over a bin, relative to the bin width."""
-BEYOND = 2047 * BINS_OF_OCTAVE
-"""Index of the bin of infinite values; bin 0 holds zero and values below 2^-1029."""
+BINS_OF_OCTAVE = 128  # bins per octave
+SUM_UNIT = 2.0**-24  # unit of the sums over a bin, relative to the bin width
+BEYOND = 2047 * BINS_OF_OCTAVE  # index of the bin of infinite values; bin 0 holds zero and values below 2^-1029
 
 
 def _nothing() -> Counts:

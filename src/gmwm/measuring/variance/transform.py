@@ -284,8 +284,7 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
 
 # --- coefficients of which a wavelet variance is the mean square --------------------------------------
 
-Transform = Literal["modwt", "dwt"]
-"""Kind of transform: maximal-overlap ("modwt") or decimated ("dwt")."""
+Transform = Literal["modwt", "dwt"]  # kind of transform: maximal-overlap ("modwt") or decimated ("dwt")
 
 
 def _first_interior(filter: WaveletFilter, level: int) -> int:

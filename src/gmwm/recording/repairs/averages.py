@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
@@ -18,15 +19,12 @@ from gmwm.recording.resolution import step_of
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
 
-_LENGTH, _MOST = 4096, 128
-"""Length of the periodograms, and largest number of them."""
-_FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)
-"""Frequencies, relative to the rate, whose spectral densities are compared."""
+_LENGTH, _MOST = 4096, 128  # length of the periodograms, and largest number of them
+_FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # frequencies, relative to the rate, whose spectral densities are compared
 _EMPTY = 1e-4
 """Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
-_PASSES = 0.5
-"""Density, relative to the slow one, at the frequency up to which the noise passes the filter."""
+_PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
 _OF_RATE = 3.0
 """Twice this frequency after averaging, in units of the rate. The filter is then hardly visible, and its memory is
 shorter than the horizon of N."""
@@ -40,8 +38,7 @@ _BLOCKS, _ROUNDING, _FAR, _STEEP = 3, 2.0, 8.0, 0.008
 below the rounding; multiple of the band at which its density is compared with that at the end of the band; largest
 ratio. A random walk has 0.016, two poles with a step of one standard deviation 0.007
 (tests/recording/test_averages.py)."""
-_FEWEST = 256
-"""Smallest number of means."""
+_FEWEST = 256  # smallest number of means
 
 
 class SteepFilter(NamedTuple):
@@ -145,13 +142,11 @@ class _Averages:
 
     def _uncorrelated(self, name: str, means: Vector) -> Vector:
         """Return means whose white noise is not correlated, from those of the filter."""
-        from scipy.signal import lfilter
-
         theta = self._correlations.get(name, 0.0)
         if not theta or not means.size:
             return means
         state = self._states.get(name, -theta * means[:1])
-        values, self._states[name] = lfilter([1 + theta], [1, theta], means, zi=state)
+        values, self._states[name] = scipy.signal.lfilter([1 + theta], [1, theta], means, zi=state)
         return np.asarray(values)
 
 

@@ -18,12 +18,10 @@ class _Floor(TwoNumbers):
     """
 
     takes = frozenset({"axes", "inflation", "horizon"})
-    step: ClassVar[float]
-    """Time step Δt of the filter (s)."""
+    step: ClassVar[float]  # time step Δt of the filter (s)
     keys: ClassVar[tuple[str, str, str, str]]
     """Names of the parameters: noise of gyroscopes and accelerometers, and the same for their biases."""
-    row: ClassVar[str]
-    """Template of a line of the file."""
+    row: ClassVar[str]  # template of a line of the file
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Return the four parameters as comment lines, so that loading the file changes nothing."""

@@ -15,22 +15,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity
+from gmwm.calibration import Calibration
+from gmwm.calibration.rest import BiasAtRest
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, Use, checked_horizon
 from gmwm.showing.exporters.quality import left_out, limits, not_measured, predictions, remarks_of, rule_of, verdict
 from gmwm.showing.exporters.reduction import NAMES, RULES, Rule, SensorNoise, sensor_noise, stated, unknown
 from gmwm.showing.exporters.text import cautions, is_given, laid_out, paragraphs, recording, written_rate
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.calibration.rest import BiasAtRest
 
 
 @dataclass(frozen=True)
@@ -247,8 +245,7 @@ def topic_of(calibration: Calibration) -> str:
     return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 
 
-QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
-"""The sensors in the order in which files list them."""
+QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")  # the sensors in the order in which files list them
 
 
 def export(

@@ -264,8 +264,7 @@ class Okvis2(_YamlKeys):
         return ["imu_parameters:", *(f"    {line}" for line in lines)]
 
 
-HEAD, NOTES = "gmwm", "gmwm_notes"
-"""Keys of the head and of the notes. Programs ignore keys that they do not know."""
+HEAD, NOTES = "gmwm", "gmwm_notes"  # Keys of the head and of the notes. Programs ignore keys that they do not know.
 
 
 class JsonFile(TwoNumbers):
@@ -343,8 +342,7 @@ class AirSim(JsonFile):
         }  # fmt: skip
 
 
-FRAME_RATE_HZ = 10.0
-"""Number of lidar frames per second (Hz). The value is the usual rate of a spinning lidar."""
+FRAME_RATE_HZ = 10.0  # Number of lidar frames per second (Hz). The value is the usual rate of a spinning lidar.
 
 
 @register

@@ -7,25 +7,16 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from gmwm.base.text import duration_text
 from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.calibration import Calibration
+from gmwm.fitting.estimation.result import Fit
+from gmwm.showing.exporters import two_states
 from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled, three
 from gmwm.showing.exporters.text import commented, commented_notes, row_mark, shortened, unended, written
-from gmwm.showing.exporters.two_states import (
-    LEAST_AVERAGING_RATIO,
-    LONGEST_AVERAGING_S,
-    Curve,
-    States,
-    cached,
-    fit_states,
-)
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.fitting.estimation.result import Fit
 
 
 @dataclass(frozen=True)
@@ -70,25 +61,25 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     return fitted
 
 
-def _alone(fit: Fit, low: float, high: float) -> States:
+def _alone(fit: Fit, low: float, high: float) -> two_states.States:
     """Return the white noise and the bias of one axis, which are computed once."""
-    return cached(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
+    return two_states.cached(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
 
 
-def _together(fits: Sequence[Fit], low: float, high: float) -> list[States]:
+def _together(fits: Sequence[Fit], low: float, high: float) -> list[two_states.States]:
     """Return the white noise and the bias of each axis, with one correlation time for all."""
-    curves = [Curve.of(fit, low, high) for fit in fits]
+    curves = [two_states.Curve.of(fit, low, high) for fit in fits]
     # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
     # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
     white = [
-        cached(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
+        two_states.cached(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
         for fit, curve in zip(fits, curves, strict=True)
     ]
-    return fit_states(curves, 1, low, high, white=white)
+    return two_states.fit_states(curves, 1, low, high, white=white)
 
 
-def _beside_walk(curve: Curve, low: float, high: float) -> float:
-    return fit_states([curve], 1, low, 1e5 * high)[0].white
+def _beside_walk(curve: two_states.Curve, low: float, high: float) -> float:
+    return two_states.fit_states([curve], 1, low, 1e5 * high)[0].white
 
 
 @dataclass(frozen=True)
@@ -154,10 +145,10 @@ def band(noise: Noise) -> tuple[float, float]:
     """Return the shortest and the longest averaging time (s) of the fit."""
     low = noise.options.horizon
     if noise.options.duration is not None:
-        return low, max(noise.options.duration, LEAST_AVERAGING_RATIO * low)
+        return low, max(noise.options.duration, two_states.LEAST_AVERAGING_RATIO * low)
     lengths = [axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate
                for sensor in noise.sensors for axis in sensor.axes]  # fmt: skip
-    return low, max(min(LONGEST_AVERAGING_S, *lengths), LEAST_AVERAGING_RATIO * low)
+    return low, max(min(two_states.LONGEST_AVERAGING_S, *lengths), two_states.LEAST_AVERAGING_RATIO * low)
 
 
 def of_sensor(sensor: SensorNoise, found: Mapping[str, Bias], noise: Noise) -> tuple[tuple[Number, float], ...]:

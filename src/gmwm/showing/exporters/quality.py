@@ -17,20 +17,13 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Number, Rule, SensorNoise, lines_of
 from gmwm.showing.exporters.text import is_given
-from gmwm.showing.exporters.two_states import (
-    LEAST_AVERAGING_RATIO,
-    LONGEST_AVERAGING_S,
-    Curve,
-    cached,
-    fit_states,
-)
+from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S, Curve, cached, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.showing.exporters.base import Noise
 
-_WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}
-"""Reasons why a bias is not known."""
+_WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}  # reasons why a bias is not known
 
 
 def verdict(calibration: Calibration) -> str:
@@ -102,8 +95,7 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
     return [f"Periodic disturbances ({near}): {', '.join(parts)}{more}."]
 
 
-_TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
-"""Power of time in the unit of each parameter, for `noise_unit`."""
+_TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}  # power of time in the unit of each parameter, for `noise_unit`
 
 
 def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
@@ -170,8 +162,7 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
             )  # fmt: skip
 
 
-TIMES = (1.0, 10.0, 60.0)
-"""Times (s) over which the predictions of the filters are compared."""
+TIMES = (1.0, 10.0, 60.0)  # times (s) over which the predictions of the filters are compared
 LARGE_LOSS = 1.2
 """Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
 tests/exporters/test_quality.py."""

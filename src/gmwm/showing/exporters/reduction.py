@@ -5,22 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-from gmwm.base.units import SI_UNIT, Quantity
+from gmwm.base.units import SI_UNIT, Quantity, letter_of, sensor_of
+from gmwm.calibration import Calibration
 from gmwm.calibration.number_verdicts import as_limit
+from gmwm.calibration.rest import BiasAtRest
+from gmwm.calibration.result import AxisCalibration
 from gmwm.choosing.datasheets.bias import SYMBOL
 from gmwm.choosing.datasheets.effective import Use, filter_entries, limited
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.fitting.estimation.result import GIVEN, Fit
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.calibration.rest import BiasAtRest
-    from gmwm.calibration.result import AxisCalibration
 
 
 def three(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> tuple[float, ...]:
@@ -75,13 +72,10 @@ def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
 
 
 Rule = Literal["worst", "mean", "each"]
-RULES: Mapping[Rule, str] = {
-    "worst": "the largest of", "mean": "the root mean square of", "each": "one for each of",
-}  # fmt: skip
+RULES: Mapping[Rule, str] = {"worst": "the largest of", "mean": "the root mean square of", "each": "one for each of"}
 """Rules that combine the axes of a sensor into the parameters of a file, with their descriptions."""
 
-NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""Names of the sensors in sentences."""
+NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}  # names of the sensors in sentences
 
 
 @dataclass(frozen=True)

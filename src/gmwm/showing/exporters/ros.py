@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import Quantity
+from gmwm.calibration import Calibration
 from gmwm.fitting.estimation.result import Fit
 from gmwm.showing.exporters.base import QUANTITIES, Exporter, ExportOptions, register, sensor_missing, top
 from gmwm.showing.exporters.quality import of_lines
@@ -25,10 +26,6 @@ from gmwm.showing.exporters.reduction import (
 from gmwm.showing.exporters.text import cautions, laid_out, paragraphs, recording, written
 from gmwm.theory.processes import registry
 from gmwm.theory.processes.base import Process
-
-if TYPE_CHECKING:
-    from gmwm.base.units import Quantity
-    from gmwm.calibration import Calibration
 
 _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "linear_acceleration_covariance"}
 
@@ -76,7 +73,7 @@ class Ros(Exporter):
             )
         notes += [
             "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
-            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
+            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors."
         ]
         return laid_out(top(self, calibration), lines, notes, "#")
 

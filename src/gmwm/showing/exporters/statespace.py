@@ -8,12 +8,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pprint import pformat
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Remark
+from gmwm.calibration import Calibration
 from gmwm.fitting.estimation.result import Fit
 from gmwm.showing.exporters.base import Exporter, ExportOptions, Noise, TwoNumbers, register, top
 from gmwm.showing.exporters.quality import of_ramps
@@ -22,9 +23,6 @@ from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, 
 from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
 
 
 def has_matrices(model: Model, rate: float) -> bool:

@@ -5,17 +5,14 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Remark, Severity, with_groups
 from gmwm.base.text import list_text
+from gmwm.calibration import Calibration
 from gmwm.calibration.recording_findings import pairs_facts
 from gmwm.fitting.estimation.result import GIVEN
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.showing.exporters.reduction import Number
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
 
 _WIDTH = 116
 REST = "All models, intervals and remarks: report.html of the calibration, or `calibration.report()`."

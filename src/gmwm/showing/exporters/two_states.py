@@ -9,9 +9,9 @@ from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
+from gmwm.base.lazy import scipy
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
@@ -21,19 +21,15 @@ from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
 
-STATES = 2
-"""Number of Gauss-Markov states."""
+STATES = 2  # number of Gauss-Markov states
 LONGEST_AVERAGING_S = 3600.0
 """Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
-LEAST_AVERAGING_RATIO = 4.0
-"""Smallest ratio of the longest averaging time to the horizon."""
-POINTS = 25
-"""Number of averaging times in the fit, with equal distances in the logarithm."""
+LEAST_AVERAGING_RATIO = 4.0  # smallest ratio of the longest averaging time to the horizon
+POINTS = 25  # number of averaging times in the fit, with equal distances in the logarithm
 _TRIED = {1: 80, 2: 16}
 """Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
 refined."""
 
-Clusters = NDArray[np.int64]
 T = TypeVar("T")
 
 
@@ -133,7 +129,7 @@ class States:
 class Curve:
     """Allan variance of a model without its sinusoids and ramps."""
 
-    clusters: Clusters  # (n,) averaging times, in samples
+    clusters: Integers  # (n,) averaging times, in samples
     rate: float  # sampling rate (Hz)
     whole: Vector  # (n,) Allan variance
 
@@ -169,8 +165,6 @@ def fit_states(
     """Fit white noise and at most `count` Gauss-Markov states to each curve, with common correlation times from
     `low` to `high` (s), by least squares of the logarithm of the Allan variance. `white`, if given, holds each
     white noise."""
-    from scipy.optimize import least_squares
-
     times, parts = _start(curves, count, low, high)
     held = 0 if white is None else 1
     # If there is no white noise, the search starts from a trace of it, because it takes logarithms.
@@ -193,7 +187,7 @@ def fit_states(
     def residuals(x: Vector) -> Vector:
         return np.concatenate([np.log(r / curve.whole) for r, curve in zip(reduced(x), curves, strict=True)])
 
-    x = least_squares(residuals, inside, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
+    x = scipy.optimize.least_squares(residuals, inside, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
     order = np.argsort(x[len(start) :])
     return [
         States(
@@ -207,12 +201,10 @@ def fit_states(
 def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
     """Return the best correlation times on a grid, and the white noise and variances of each curve. States whose
     variance is zero in all curves are left out."""
-    from scipy.optimize import nnls
-
     grid = np.geomspace(low, high, _TRIED[count])
     shapes = [np.array([curve.white, *map(curve.unit, grid.tolist())]) / curve.whole for curve in curves]
     combined = [[0, *(1 + k for k in places)] for places in combinations(range(grid.size), count)]
-    solved = [[nnls(shape[rows].T, np.ones(shape.shape[1])) for shape in shapes] for rows in combined]
+    solved = [[scipy.optimize.nnls(shape[rows].T, np.ones(shape.shape[1])) for shape in shapes] for rows in combined]
     best = int(np.argmin([sum(distance**2 for _, distance in each) for each in solved]))
     parts = np.array([part for part, _ in solved[best]])
     kept = np.append(True, np.any(parts[:, 1:] > 0, axis=0))

@@ -11,8 +11,8 @@ and notebooks display it. If `path` is given, they also write the picture to a .
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.plotting import Plotted as Plotted
-from gmwm.base.plotting import plot, register
+from gmwm.base.results import Plotted as Plotted
+from gmwm.base.results import plot, register
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from gmwm.showing.plots.fit import plot_fit
     from gmwm.showing.plots.imu import plot_imu
     from gmwm.showing.plots.likelihood import plot_autocorrelation, plot_residuals, plot_tracks
-    from gmwm.showing.plots.plan import plot_plan
     from gmwm.showing.plots.ranking import plot_candidates, plot_ranking
+    from gmwm.showing.plots.results import plot_plan
     from gmwm.showing.plots.series import plot_coefficients, plot_components, plot_recording, plot_signal
     from gmwm.showing.plots.spectrum import plot_spectra, plot_spectrum
 
@@ -33,17 +33,17 @@ __all__ = [
 ]  # fmt: skip
 
 _RESULTS = {
-    "base.differences.DifferenceTests": "differences.plot_differences",
+    "base.results.DifferenceTests": "results.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
     "choosing.replicates.result.Replicates": "curves.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
     "choosing.selection.ranking.Ranking": "ranking.plot_ranking",
     "fitting.estimation.conditions_fit.ConditionsFit": "curves.plot_conditions",
-    "fitting.estimation.result.Fit": "fit.plot_fit", "fitting.inference.planning.Plan": "plan.plot_plan",
+    "fitting.estimation.result.Fit": "fit.plot_fit", "fitting.inference.planning.Plan": "results.plot_plan",
     "fitting.likelihood.innovations.Residuals": "likelihood.plot_residuals",
     "fitting.likelihood.result.LikelihoodFit": "fit.plot_fit",
     "fitting.likelihood.tracks.Tracks": "likelihood.plot_tracks",
-    "measuring.regression.result.Regression": "regression.plot_regression",
+    "measuring.regression.result.Regression": "results.plot_regression",
     "measuring.spectrum.result.PowerSpectra": "spectrum.plot_spectra",
     "measuring.spectrum.result.PowerSpectrum": "spectrum.plot_spectrum",
     "measuring.variance.allan_regression.AllanRegression": "allan.plot_avlr",
@@ -52,7 +52,7 @@ _RESULTS = {
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
     "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
     "recording.signals.Imu": "series.plot_recording", "recording.signals.Signal": "series.plot_signal",
-    "theory.simulation.components.SimulatedSignal": "series.plot_components",
+    "theory.simulation.api.SimulatedSignal": "series.plot_components",
 }  # fmt: skip
 """Functions of this package by the result that they draw."""
 _OTHERS = ("allan.plot_allan_axes", "likelihood.plot_autocorrelation", "series.plot_coefficients",

@@ -22,8 +22,7 @@ _DURATIONS = (
 MANY_DECADES = 2.5
 """Smallest length of an axis (decades) for which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled
 too. Pinned by tests/plots/test_plot_axes.py."""
-EMPTY = (1.0, 10.0)
-"""Limits of an axis without data. Such an axis has no ticks."""
+EMPTY = (1.0, 10.0)  # Limits of an axis without data. Such an axis has no ticks.
 
 
 def number_text(value: float, digits: int = 3) -> str:

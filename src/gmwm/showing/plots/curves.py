@@ -8,9 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Booleans, Vector
 from gmwm.base.errors import OptionError
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import variances
@@ -64,7 +63,7 @@ def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
 
 def observed_marks(
     wv: WaveletVariance, view: View, *, stroke: Stroke | None = None, label: str = "",
-    used: NDArray[np.bool_] | None = None,
+    used: Booleans | None = None,
 ) -> tuple[Mark, ...]:  # fmt: skip
     """Return the marks of a measured curve: the line with symbols, open at levels that a fit has not `used`, and the
     confidence band. By default, the stroke shows whether the estimate is robust, and the label is the quantity."""
@@ -394,8 +393,7 @@ def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
     ]
 
 
-MEAN = Stroke(GREY, 0.8, SOLID)
-"""Stroke of the line at zero, which is the mean of the recordings."""
+MEAN = Stroke(GREY, 0.8, SOLID)  # stroke of the line at zero, which is the mean of the recordings
 LINEAR, EVEN = 10.0, 100.0
 """Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
 linear."""

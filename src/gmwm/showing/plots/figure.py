@@ -26,8 +26,7 @@ Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "pl
 """The symbols that each renderer must support."""
 
 
-PAGE = 174.0
-"""Width of a plot (mm) that fills two columns of a printed page."""
+PAGE = 174.0  # width of a plot (mm) that fills two columns of a printed page
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,7 @@ class Foot:
     label: str = ""  # legend entry; "" for none
 
 
-FOOT = 0.03
-"""Height of the symbols of a `Foot`, as a fraction of the panel."""
+FOOT = 0.03  # height of the symbols of a `Foot`, as a fraction of the panel
 
 
 @dataclass(frozen=True)
@@ -95,8 +93,7 @@ class Text:
     y: float = 0.5
 
 
-Mark: TypeAlias = Polyline | Band | Foot
-"""An element of a panel that shows data."""
+Mark: TypeAlias = Polyline | Band | Foot  # an element of a panel that shows data
 
 
 @dataclass(frozen=True)

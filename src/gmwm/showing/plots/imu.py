@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from gmwm.base.errors import OptionError
+from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.axis_results import ResultsByAxis
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.showing.plots.axes import quiet, thin_ticks, value_axis
@@ -16,9 +17,6 @@ from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline,
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, sensor_and_letter, sensor_title
 from gmwm.showing.plots.style import curve_stroke, letter_stroke
-
-if TYPE_CHECKING:
-    from gmwm.fitting.estimation.result import Fit
 
 SINGLE_WIDTH_MM = 120.0
 """Width of a plot with a single panel (mm). If it is reduced to a printed column of 85 mm, its text has 5 points."""

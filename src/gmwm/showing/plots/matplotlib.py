@@ -132,8 +132,7 @@ def width_of(text: str, size: float) -> float:
     return float(text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)[0])
 
 
-FORMATS = (".png", ".pdf", ".svg")
-"""Suffixes of the picture formats that can be written."""
+FORMATS = (".png", ".pdf", ".svg")  # suffixes of the picture formats that can be written
 
 PRINT_DPI = 300
 """Resolution of a .png file. Both pictures of a calibration take 0.65 s of processor time, and 0.75 s at 400 dpi."""

@@ -6,12 +6,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.showing.plots.axes import signed_axis, time_axis
 from gmwm.showing.plots.curves import (
     ABOVE,
@@ -28,10 +29,6 @@ from gmwm.showing.plots.figure import PAGE, Axis, Figure, Mark, Panel, Polyline,
 from gmwm.showing.plots.imu import SINGLE_WIDTH_MM
 from gmwm.showing.plots.labels import UnitSystem, ViewName, axis_title, model_text
 from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
-
-if TYPE_CHECKING:
-    from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
-    from gmwm.measuring.variance.result import WaveletVariance
 
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
@@ -129,7 +126,7 @@ def _numbers(candidate: Candidate) -> str:
 
 
 def _word(candidate: Candidate) -> str:
-    return "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+    return "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
 
 
 def _name(candidate: Candidate) -> str:

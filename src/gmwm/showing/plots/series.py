@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import Integers, Vector, as_rate
 from gmwm.base.errors import OptionError
 from gmwm.base.text import duration_text
 from gmwm.base.units import Quantity, find_unit
@@ -31,10 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.measuring.inspection import Inspection
-    from gmwm.theory.simulation.components import SimulatedSignal
+    from gmwm.theory.simulation.api import SimulatedSignal
 
-Samples = Mapping[str, NDArray[np.int64]]
-"""Numbers of the samples of each finding of one axis."""
+Samples = Mapping[str, Integers]  # numbers of the samples of each finding of one axis
 
 SYMBOLS: dict[str, tuple[str, Symbol]] = {
     "Clipped": ("#b2182b", "triangle"), "Wrong sample": ("#d95f02", "cross"), "Knock": ("#e6ab02", "diamond"),
@@ -49,7 +47,7 @@ _MOST, _AVERAGED = 300, 16
 
 def samples_of_findings(imu: Imu, inspection: Inspection) -> dict[str, Samples]:
     """Return the samples of each finding by axis, evenly thinned."""
-    findings: dict[str, dict[str, NDArray[np.int64]]] = {axis: {} for axis in imu}
+    findings: dict[str, dict[str, Integers]] = {axis: {} for axis in imu}
     clipped = {str(remark.subject) for remark in inspection.remarks if remark.code == "output-clipped"}
     for axis, signal in imu.signals.items():
         values = signal.values
@@ -84,11 +82,11 @@ def samples_of_findings(imu: Imu, inspection: Inspection) -> dict[str, Samples]:
     }
 
 
-def _thinned(samples: NDArray[np.int64]) -> NDArray[np.int64]:
+def _thinned(samples: Integers) -> Integers:
     return samples[np.unique(np.linspace(0, samples.size - 1, min(samples.size, _MOST)).astype(np.int64))]
 
 
-def _nearest(imu: Imu, axis: str, times: list[float]) -> NDArray[np.int64]:
+def _nearest(imu: Imu, axis: str, times: list[float]) -> Integers:
     """Return the samples nearest to times (s) since the first sample of the file."""
     signal = imu[axis]
     if not times:
@@ -100,10 +98,8 @@ def _nearest(imu: Imu, axis: str, times: list[float]) -> NDArray[np.int64]:
 
 DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
-LINE_WIDTH_PT = 0.5
-"""Width of the line through a long signal (points)."""
-FINDINGS_COLUMNS = 5
-"""Columns of the legend of findings."""
+LINE_WIDTH_PT = 0.5  # width of the line through a long signal (points)
+FINDINGS_COLUMNS = 5  # columns of the legend of findings
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}

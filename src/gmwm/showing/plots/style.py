@@ -7,14 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 from gmwm.showing.plots.figure import Stroke, Symbol
 from gmwm.theory.processes import FN, SIN, WN, registry
-
-if TYPE_CHECKING:
-    from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.base import Process
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -44,12 +41,9 @@ LONG_DOT = (9.0, 1.6, 1.0, 1.6)
 SPARSE = (1.0, 3.2)
 LONG_SHORT = (8.0, 1.6, 2.5, 1.6)
 
-OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")
-"""Stroke of a classical estimate from the data."""
-ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")
-"""Stroke of a robust estimate from the data."""
-IMPLIED = Stroke(ORANGE, 2.6, SOLID)
-"""Stroke of the curve of a fitted model."""
+OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")  # stroke of a classical estimate from the data
+ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")  # stroke of a robust estimate from the data
+IMPLIED = Stroke(ORANGE, 2.6, SOLID)  # stroke of the curve of a fitted model
 OSCILLATING = Stroke(OLIVE, 1.0, (8.0, 1.6, 2.5, 1.6, 2.5, 1.6))
 """Stroke of the sum of the oscillations of an axis, whose dash no single term has."""
 
@@ -59,8 +53,7 @@ _MORE_COLOURS = (WINE, INDIGO, OLIVE)
 _TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY, BROWN, MAGENTA, FOREST, *_MORE_COLOURS)
 _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, SPARSE, LONG_SHORT)
 
-_ALONE = 4
-"""Number of processes for inertial sensors of which a model can contain only one each."""
+_ALONE = 4  # number of processes for inertial sensors of which a model can contain only one each
 _NEXT = {FN.name: 7, SIN.name: 8}
 """Stroke numbers of flicker noise and of the first sinusoid. They follow the strokes of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")

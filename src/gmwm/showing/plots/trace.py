@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Booleans, Integers, Vector
 from gmwm.base.time_base import begins_of
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.figure import Polyline, Stroke
 
 
-def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
+def extremes(values: Vector, columns: int) -> Integers:
     """Return the sorted indices of the first, smallest, largest and last value of each of `columns` equal parts.
 
     If the parts have at most 4 values each, all indices are returned.
@@ -64,7 +63,7 @@ class Outline:
             clipped=self.clipped,
         )  # fmt: skip
 
-    def beyond(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def beyond(self) -> tuple[Booleans, Booleans]:
         """Return a mask of the samples that were clipped at `high`, and a mask of those clipped at `low`."""
         below, above = self.clipped
         return above & (self.y >= self.high), below & (self.y <= self.low)
@@ -108,7 +107,7 @@ def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Outl
     return Outline(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
 
 
-def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
+def extremes_there(values: Vector, columns: int) -> Integers:
     """Return indices like `extremes`, but ignore NaN. A part with NaN only has one index, which interrupts the line.
 
     >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
@@ -149,7 +148,7 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
-def lone_values(y: Vector) -> NDArray[np.bool_]:
+def lone_values(y: Vector) -> Booleans:
     """Return a mask of the finite values whose neighbours are missing, so that a line cannot show these values.
 
     >>> lone_values(np.array([1.0, np.nan, 2.0, 3.0])).tolist()

@@ -7,40 +7,31 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
-from gmwm.base.units import find_unit, parse_unit
+from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
-from gmwm.calibration.summary_text import model_words, rows_of
+from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.calibration.summary_text import legend, model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
+from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import MOST_CANDIDATES_LISTED
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
 from gmwm.measuring.regression.against import WARM_UP
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
-from gmwm.showing.reports.figures import (
-    axis_pictures,
-    recordings_pictures,
-    regression_pictures,
-    sensor_pictures,
-    spectrum_pictures,
-)
+from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.selection import Ranking
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
-
+from gmwm.theory.processes.oscillator import name_in_text
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
@@ -173,7 +164,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         )
     pictures: dict[str, Any] = {}
     sensors = filter_tables(calibration)
-    curves = sensor_pictures(calibration)
+    curves = figures.sensor_pictures(calibration)
     for k, table in enumerate(sensors, 1):
         drawn = {f"sensor{k}-{n}": picture for n, picture in enumerate(curves.get(table["sensor"], ()), 1)}
         pictures |= drawn
@@ -196,6 +187,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
             {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
             for sensor, members in by_sensor(calibration.axes).items()
         ],
+        "legend": legend(calibration),
         "sensors": sensors,
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
@@ -215,14 +207,14 @@ PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
 
 def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     """Return the pictures of an axis by kind, without those that it does not have."""
-    fit, distance = axis_pictures(axis)
+    fit, distance = figures.axis_pictures(axis)
     pictures = {"fit": fit, "distance": distance}
     if axis.spectrum is not None:
-        pictures["spectrum"] = spectrum_pictures(axis.spectrum, axis.fit.model)
+        pictures["spectrum"] = figures.spectrum_pictures(axis.spectrum, axis.fit.model)
     if axis.regression is not None:
-        pictures["regression"] = regression_pictures(axis.regression)
+        pictures["regression"] = figures.regression_pictures(axis.regression)
     if axis.replicates is not None:
-        pictures["recordings"] = recordings_pictures(axis.replicates)
+        pictures["recordings"] = figures.recordings_pictures(axis.replicates)
     return pictures
 
 
@@ -324,7 +316,7 @@ def _number(entry: Entry) -> dict[str, Any]:
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
-        "symbol": entry.symbol,
+        "symbol": entry.name,
         "title": entry.title + at,
         "datasheet": entry.text(usual),
         "si": entry.text("si"),
@@ -345,13 +337,14 @@ def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     units = fit.units()
     rows = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        of_frequency = f" of {shown}" if (shown := name_in_text(term, process)) != term else ""
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             nothing = name in fit.undetermined
             interval = axis.intervals.get(name)
             held = process.is_fixed(parameter.name)
             rows.append({
-                "name": name, "symbol": parameter.symbol, "title": parameter.description,
+                "name": name, "symbol": parameter.symbol, "title": parameter.description + of_frequency,
                 "value": "undetermined: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
                 "interval": "fixed" if held else "" if interval is None else _interval(*interval),
                 "unit": units[name],

@@ -9,35 +9,30 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
+from gmwm.base.units import by_sensor
+from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.choosing.replicates import Replicates
+from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.regression import Regression
+from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.showing.plots.curves import Item, overlay_panel, plot_recordings
 from gmwm.showing.plots.figure import FOOT, Axis, Band, Foot, Mark, Panel, Polyline, Stroke, Symbol, Tick, description
 from gmwm.showing.plots.fit import fit_panel
 from gmwm.showing.plots.labels import UnitSystem, ViewName, sensor_and_letter, sensor_title
 from gmwm.showing.plots.ranking import plot_ranking
-from gmwm.showing.plots.regression import regression_panel
+from gmwm.showing.plots.results import regression_panel
 from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
+from gmwm.theory.processes.model import Model
 
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.choosing.replicates import Replicates
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.regression import Regression
-    from gmwm.measuring.spectrum import PowerSpectrum
-    from gmwm.theory.processes.model import Model
-
-
-PIXELS_OF_POINT = 4 / 3
-"""Number of CSS pixels in a point."""
-POSITION_DIGITS = 6
-"""Number of significant digits of a position, which is more than a screen can show."""
+PIXELS_OF_POINT = 4 / 3  # number of CSS pixels in a point
+POSITION_DIGITS = 6  # number of significant digits of a position, which is more than a screen can show
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
@@ -275,8 +270,7 @@ VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 """Views of a curve. The page starts with the first, which users of inertial sensors know best."""
 SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
 
-Variants = dict[str, dict[str, Any]]
-"""A figure in several views and units, with keys such as "allan-si"."""
+Variants = dict[str, dict[str, Any]]  # a figure in several views and units, with keys such as "allan-si"
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, list[Variants]]:

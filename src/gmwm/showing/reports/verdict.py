@@ -5,28 +5,23 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, texts, with_groups
 from gmwm.base.text import duration_text, list_text
+from gmwm.base.units import by_sensor
 from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.showing.plots.labels import axis_title
 
-if TYPE_CHECKING:
-    from gmwm.calibration.recording_info import Recording
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.measuring.outliers import Verdict
-
-
-Facts = list[tuple[str, str]]
-"""Pairs of name and value, in the order of the page."""
+Facts = list[tuple[str, str]]  # pairs of name and value, in the order of the page
 
 
 def recording_facts(calibration: Calibration) -> dict[str, Any]:
@@ -125,12 +120,7 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     equality = equality_remarks(calibration)
     cautions = [r for r in calibration.remarks if r.severity is not Severity.INFO and r not in equality]
     points = [*equality, *cautions, *_results(calibration)]
-    return {
-        "state": state_of(head),
-        "code": head.code,
-        "headline": head.text(Dialect.HTML),
-        "points": _points(points),
-    }
+    return {"state": state_of(head), "code": head.code, "headline": head.text(Dialect.HTML), "points": _points(points)}
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
@@ -164,7 +154,8 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         if axis.test is not None and name not in misfits:
             yield Remark.of("check-passed", name, case="model")
     # If an axis could not be tested, another remark says so.
-    clean = calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values())
+    verdicts = calibration.verdicts.values()
+    clean = verdicts and all(np.any(verdict.tested) and not verdict.contaminated for verdict in verdicts)
     if clean and not codes & _OUTLIERS:
         yield Remark.of("check-passed", case="no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
@@ -172,10 +163,6 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         yield Remark.of("check-passed", case="rest")
     if (certificate := certificate_of(calibration.values())) is not None:
         yield certificate
-
-
-def _is_clean(verdict: Verdict) -> bool:
-    return bool(np.any(verdict.tested)) and not verdict.contaminated
 
 
 def _usable_entries(calibration: Calibration, axes: Iterable[str]) -> dict[str, dict[str, Entry]]:
@@ -221,8 +208,7 @@ def _range(entries: Mapping[str, Entry]) -> str:
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"
 
 
-SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")
-"""Spaces between the sentences of a text."""
+SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z<`])")  # spaces between the sentences of a text
 _STATE_OF_NUMBERS = {Usability.USE: "good", Usability.BOUND: "look", Usability.DO_NOT_USE: "bad"}
 _WITHOUT_REMARK = {
     Usability.BOUND: "The recording determines only an upper limit.",

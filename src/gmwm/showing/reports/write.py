@@ -18,21 +18,18 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gmwm.base.atomic_files import write_text, written_whole
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Severity, with_groups
 from gmwm.base.text import counted, version
 from gmwm.calibration.findings import equality_remarks
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.tables import with_error
+from gmwm.showing.plots.matplotlib import Picture
 from gmwm.showing.reports.content import report_data
 from gmwm.showing.reports.verdict import SENTENCE_ENDS, filter_tables, recording_facts, state_of, title_of
-
-if TYPE_CHECKING:
-    from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.showing.plots.matplotlib import Picture
-
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 """Names of browsers that can print a page. The first that is installed is used."""
@@ -117,7 +114,8 @@ def page(data: dict[str, Any]) -> str:
     text from a recording cannot run a script, even if the template fails to escape it.
     """
     scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
-    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
     policy = (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
         "form-action 'none'"
@@ -174,10 +172,6 @@ def _code_as_html(text: str) -> Any:
 def part(name: str) -> str:
     """Return the text of a file of this package, such as a template or a script."""
     return files("gmwm.showing.reports").joinpath(name).read_text(encoding="utf-8")
-
-
-def _digest(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 MOST, SENTENCES = 3, 2

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import MissingTheoryError
 
-LARGEST_EMBEDDING = 1 << 21
-"""Largest M. The circulant matrix has 2M rows."""
+LARGEST_EMBEDDING = 1 << 21  # Largest M. The circulant matrix has 2M rows.
 
 
 def half_period(n: int) -> int:

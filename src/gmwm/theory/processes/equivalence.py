@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Integers, Matrix
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes.base import Process, registry
 
 
 def likeness(
-    process: Process, name: str, levels: NDArray[np.int64], rate: float, filter: WaveletFilter = HAAR,
+    process: Process, name: str, levels: Integers, rate: float, filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:  # fmt: skip
     """Return the process `name` whose wavelet variance is closest to the wavelet variance ν² of `process`, such as a

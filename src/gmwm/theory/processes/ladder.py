@@ -34,12 +34,9 @@ if TYPE_CHECKING:
 
 STEP = math.log(8.0)
 """Step of ln b; a factor of 8 leaves a ripple of 0.6 % in flicker noise (tests/processes/test_ladder.py)."""
-FASTEST_RATE = 4.0
-"""Largest b in 1/sample: faster processes are treated as white noise."""
-LADDER_OCTAVES = 22
-"""The state space of power-law noise approximates the Allan deviation up to 2^BAND samples."""
-SMOOTHEST = 5.0
-"""Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear."""
+FASTEST_RATE = 4.0  # largest b in 1/sample: faster processes are treated as white noise
+LADDER_OCTAVES = 22  # the state space of power-law noise approximates the Allan deviation up to 2^BAND samples
+SMOOTHEST = 5.0  # Largest smoothness of a Matérn process. A larger one has more states, which are nearly collinear.
 
 
 @lru_cache(maxsize=256)

@@ -24,8 +24,7 @@ from gmwm.theory.processes.smooth_autocovariance import LARGEST_SMOOTHNESS, mate
 from gmwm.theory.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
-LONGEST_LAGS = 2048
-"""Largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks."""
+LONGEST_LAGS = 2048  # largest number of lags L: with 19 levels, 3 million terms, 0.1 s and 150 MB; see benchmarks
 NEGLIGIBLE_CORRELATION = 1e-11
 """Relative size of ρ(m) that is left out; the error of the covariance is then below 1e-10."""
 
@@ -63,8 +62,7 @@ def trim(autocovariance: Vector) -> Vector | None:
     return freeze(autocovariance[: lags + 1].copy()) if lags <= LONGEST_LAGS else None
 
 
-_SHORT = 512
-"""Largest length (samples) of paths that are simulated with a square root of their covariance matrix."""
+_SHORT = 512  # largest length (samples) of paths that are simulated with a square root of their covariance matrix
 
 
 @dataclass(frozen=True, repr=False)

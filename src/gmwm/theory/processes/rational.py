@@ -18,18 +18,15 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes.parameter import Physical
 
-WHITE_TIME_S = 1.0
-"""Correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N."""
-HALF_POWER = 0.5
-"""Share of the power that defines the bandwidth and the width of a peak."""
+WHITE_TIME_S = 1.0  # correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N
+HALF_POWER = 0.5  # share of the power that defines the bandwidth and the width of a peak
 RESONANCE_RATIO = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
 DIFFERENCE_STEP = 1e-5
 """Relative step and relative error of one-sided differences (tests/processes/test_band_limit.py)."""
 
-Density = Callable[[NDArray[np.float64]], Vector]
-"""A power spectral density, as a function of frequencies (Hz)."""
+Density = Callable[[NDArray[np.float64]], Vector]  # a power spectral density, as a function of frequencies (Hz)
 
 
 def band_numbers(

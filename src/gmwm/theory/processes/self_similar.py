@@ -25,15 +25,11 @@ from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.filtered import without_zero
 
-Numbers = NDArray[Any]
-"""Real, or complex for complex-step derivatives."""
+Numbers = NDArray[Any]  # real, or complex for complex-step derivatives
 
-_NEAR = 4.0
-"""Lag, as a multiple of the step of the difference, from which the series is used instead of the definition."""
-_TERMS = 15
-"""Number of terms of the series in (step/lag)² ≤ 1/16."""
-_REACH = 4
-"""Number of lags that are stored individually, as a multiple of the filter length."""
+_NEAR = 4.0  # lag, as a multiple of the step of the difference, from which the series is used instead of the definition
+_TERMS = 15  # number of terms of the series in (step/lag)² ≤ 1/16
+_REACH = 4  # number of lags that are stored individually, as a multiple of the filter length
 
 
 def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
@@ -249,8 +245,7 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
 _STEP = 0.35
 """Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
 (tests/covariance/test_lag_sums.py)."""
-STEEPEST = 1.2
-"""Largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits."""
+STEEPEST = 1.2  # largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits
 
 
 def mixture(epsilon: float, samples: int) -> ExponentialSum:

@@ -21,13 +21,12 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, freeze
+from gmwm.base.lazy import scipy
 from gmwm.theory.filters import WaveletFilter
 
-LARGEST_SMOOTHNESS = 50.0
-"""Upper limit of ν; beyond it, the process is almost infinitely smooth."""
+LARGEST_SMOOTHNESS = 50.0  # upper limit of ν; beyond it, the process is almost infinitely smooth
 _PAIRS = 24
-_POWERS = 52
-"""Number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1."""
+_POWERS = 52  # number of terms of a power series in ε with |ε| ≤ ½ and coefficients of at most 1
 
 Numbers = NDArray[Any]
 
@@ -60,8 +59,6 @@ def matern(x: Vector, nu: float) -> Matern:
 
 
 def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
-    from scipy.special import gammaln, psi
-
     nodes = 40
     # Upper limit of t: x (cosh t − 1) − νt reaches 40.
     end = 2.0 * np.arcsinh(np.sqrt(NEGLIGIBLE_EXPONENT / (2.0 * x)))
@@ -73,9 +70,9 @@ def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     grown, lowered = np.exp(nu * t), np.exp((nu - 1.0) * t)
     bessel, odd = (0.5 * np.sum(weight * w, axis=1) for w in (grown + 1.0 / grown, t * (grown - 1.0 / grown)))
     lower = 0.5 * np.sum(weight * (lowered + 1.0 / lowered), axis=1)
-    size = np.exp((1.0 - nu) * math.log(2.0) - float(gammaln(nu)) + nu * np.log(x) - x)
+    size = np.exp((1.0 - nu) * math.log(2.0) - float(scipy.special.gammaln(nu)) + nu * np.log(x) - x)
     correlation = size * bessel
-    by_smoothness = size * odd + correlation * (np.log(0.5 * x) - float(psi(nu)))
+    by_smoothness = size * odd + correlation * (np.log(0.5 * x) - float(scipy.special.psi(nu)))
     return correlation, 1.0 - correlation, size * x * lower, -by_smoothness
 
 
@@ -144,10 +141,8 @@ def _over_sine(epsilon: complex) -> complex:
 
 @lru_cache(maxsize=1)
 def _sine_powers() -> Vector:
-    from scipy.special import zeta
-
     k = np.arange(_POWERS // 2, 0, -1)
-    return np.append(2.0 * (1.0 - 2.0 ** (1.0 - 2.0 * k)) * zeta(2.0 * k), 1.0)
+    return np.append(2.0 * (1.0 - 2.0 ** (1.0 - 2.0 * k)) * scipy.special.zeta(2.0 * k), 1.0)
 
 
 def _log_gamma_slopes(epsilon: complex) -> Numbers:
@@ -158,18 +153,13 @@ def _log_gamma_slopes(epsilon: complex) -> Numbers:
 @lru_cache(maxsize=1)
 def _gamma_powers() -> Matrix:
     """Return the Taylor coefficients of ln Γ about 1, 2, …, highest order first."""
-    from scipy.special import psi, zeta
-
     a, m = np.arange(1.0, LARGEST_SMOOTHNESS + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)
-    return np.concatenate([(-1.0) ** (m + 1) * zeta(m + 1, a) / (m + 1), psi(a)], axis=1)
+    return np.concatenate([(-1.0) ** (m + 1) * scipy.special.zeta(m + 1, a) / (m + 1), scipy.special.psi(a)], axis=1)
 
 
-NODES_OF_OCTAVE = 20
-"""Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20."""
-_SPILL = 8
-"""Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it."""
-_SHORT = 64
-"""Number of lags that are summed individually."""
+NODES_OF_OCTAVE = 20  # Chebyshev points per octave [a, 2a] of lags; the interpolation error is about 5.8^−20
+_SPILL = 8  # Octave from which the polynomial of the next octave is extrapolated to lags slightly outside it
+_SHORT = 64  # number of lags that are summed individually
 
 Levels = NDArray[np.int64]
 

@@ -9,17 +9,18 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.text import defined_anew, is_own
 
 if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
+    from gmwm.theory.processes.model import Model
 
 
-def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
+def as_lags(lags: ArrayLike) -> Integers:
     """Check lags, which are integers (samples) of any sign and shape, and return them as an array."""
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
@@ -30,7 +31,7 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     return array.astype(np.int64)
 
 
-def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
+def as_clusters(clusters: ArrayLike) -> Integers:
     """Check cluster sizes, which are integers (samples) of at least 1, and return them as an array."""
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
@@ -196,3 +197,10 @@ def check_calls(cls: type[Process], base: type[Process]) -> None:
                 f"it is {name}{signature(function_of(method))}",
                 argument=name,
             ) from error
+
+
+def require_values(model: Model, what: str, advice: str) -> None:
+    """Raise a ModelError if a parameter of a model has no value. `what` needs the values, such as "a simulation"."""
+    missing = [name for name, value in model.parameters.items() if value is None]
+    if missing:
+        raise ModelError(f"{what} of {model} needs a value for {', '.join(missing)}", advice=advice)

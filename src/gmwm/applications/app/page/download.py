@@ -83,9 +83,7 @@ def export_text(found: Calibration, session: Session) -> str:
 
     Raises an error if the calibration lacks a number that the format needs.
     """
-    return found.export(
-        format=session.export, axes=session.rule, inflation=session.inflation, horizon=session.horizon
-    )  # fmt: skip
+    return found.export(format=session.export, axes=session.rule, inflation=session.inflation, horizon=session.horizon)
 
 
 def _file(wanted: str, session: Session, workspace: Workspace) -> tuple[str, str]:

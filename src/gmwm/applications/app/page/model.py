@@ -7,24 +7,12 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, html, no_update
 
 from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual_figure
-from gmwm.applications.app.page.widgets import (
-    button,
-    changes,
-    draws,
-    graph,
-    group,
-    menu,
-    of_job,
-    remarks,
-    table,
-    text_input,
-    triggers,
-)
+from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import p_text, round_fixed
+from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
@@ -41,12 +29,16 @@ def panel() -> list[Any]:
     terms = {name: f"{name}: {kind.title}" for name, kind in registry.items()}
     return [
         html.Div(id="axes", className="chips", role="group", **{"aria-label": "Axis"}),
-        group(
-            "terms", html.Div(id="terms", className="chips"), menu("term", terms, next(iter(terms))),
-            button("Add", "add"), html.Label("Model", htmlFor="model"), text_input("model", "2*GM + WN + RW"),
+        widgets.group(
+            "terms", html.Div(id="terms", className="chips"), widgets.menu("term", terms, next(iter(terms))),
+            widgets.button("Add", "add"), html.Label("Model", htmlFor="model"),
+            widgets.text_input("model", "2*GM + WN + RW"),
         ),
         html.P(id="error-model", className="error", role="alert"),
-        group("controls", button("Use for all axes of the sensor", "spread"), button("Let gmwm choose", "choose")),
+        widgets.group(
+            "controls", widgets.button("Use for all axes of the sensor", "spread"),
+            widgets.button("Let gmwm choose", "choose"),
+        ),
         html.Div(id="fit"),
         html.H2("Models compared"),
         html.Div(id="ranking"),
@@ -56,7 +48,7 @@ def panel() -> list[Any]:
 def register(app: Dash, desk: Desk) -> None:
     """Register the callbacks of the tab."""
     for place, draw in (("axes", _axes), ("terms", _chips), ("fit", _fit), ("ranking", _ranking)):
-        draws(app, desk, tab="model", place=place, draw=draw)
+        widgets.draws(app, desk, tab="model", place=place, draw=draw)
 
     def text(data: Any, _: int, shown: str, page: str, before: Any) -> tuple[Any, Any]:
         session = desk.session(data)
@@ -77,7 +69,7 @@ def register(app: Dash, desk: Desk) -> None:
 
     def change(session: Session, *given: Any) -> Session | None:
         *_, typed, term, page = given
-        done = [trigger for trigger in triggers() if trigger[2]]
+        done = [trigger for trigger in widgets.triggers() if trigger[2]]
         for hit, change_of, value in done:
             # If the user leaves the field without a change, the recommended model does not become a chosen model.
             if change_of != "n_blur" or typed != model_of(session, desk.workspace(page)):
@@ -92,7 +84,7 @@ def register(app: Dash, desk: Desk) -> None:
         Input("choose", "n_clicks"),
     ]  # fmt: skip
     states = [State("model", "value"), State("term", "value"), State("page", "data")]
-    changes(app, desk, inputs, change, states=states, errors=("model",))
+    widgets.changes(app, desk, inputs, change, states=states, errors=("model",))
 
 
 def _apply_change(session: Session, workspace: Workspace, hit: Any, value: Any, *, typed: str, term: str) -> Session:
@@ -173,24 +165,24 @@ def _axes(session: Session, workspace: Workspace, width: float) -> Any:
 
     def show(recording: Imu) -> list[Any]:
         return [
-            button(
+            widgets.button(
                 axis_title(axis), {"type": "axis", "axis": axis}, "chip axis",
                 **{"aria-pressed": str(axis == here).lower()},
             )
             for axis in recording.axes
         ]  # fmt: skip
 
-    return of_job(workspace.recording(session), show)
+    return widgets.of_job(workspace.recording(session), show)
 
 
 def _chips(session: Session, workspace: Workspace, width: float) -> Any:
     def show(fit: Fit) -> list[Any]:
         return [
-            button([term, html.Span(" ×")], {"type": "remove", "term": term}, "chip", title=f"Remove {term}")
+            widgets.button([term, html.Span(" ×")], {"type": "remove", "term": term}, "chip", title=f"Remove {term}")
             for term in fit.model.terms
         ]
 
-    return of_job(workspace.fit(session, axis_of(session, workspace)), show)
+    return widgets.of_job(workspace.fit(session, axis_of(session, workspace)), show)
 
 
 def _fit(session: Session, workspace: Workspace, width: float) -> Any:
@@ -204,16 +196,16 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
             html.H2(f"{axis_title(axis)}: {chosen}"),
             html.P(_regression_note(fit, session, workspace), className="hint", id="measured"),
             html.P("Drag a coloured handle to fix its term there.", className="hint"),
-            graph(
+            widgets.graph(
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),
-            graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
+            widgets.graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
             html.Div([_parameters(fit, session), _tests(fit)], className="beside"),
-            remarks(fit.remarks),
+            widgets.remarks(fit.remarks),
         ]
 
     comes = "the curve of the axis with its model, the parameters and the tests"
-    return of_job(workspace.fit(session, axis), show, comes=comes)
+    return widgets.of_job(workspace.fit(session, axis), show, comes=comes)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
@@ -236,12 +228,12 @@ def _parameters(fit: Fit, session: Session) -> Any:
         if held:
             name = {"type": "held", "parameter": row.name}
             value = html.Label(
-                [html.Span(f"Value of {row.name}", className="unseen"), text_input(name, "", row.estimate)]
+                [html.Span(f"Value of {row.name}", className="unseen"), widgets.text_input(name, "", row.estimate)]
             )
-        hold = button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
+        hold = widgets.button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
-    return table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
 
 
 def _tests(fit: Fit) -> Any:
@@ -266,15 +258,15 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     def show(choice: ModelChoice) -> list[Any]:
         ranking, listed = choice.ranking, []
         for candidate in ranking.distinct[:12]:
-            mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+            mark = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
             pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
-            use = button(
+            use = widgets.button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
             )
             listed.append([round_fixed(ranking.label(candidate)), use, f"{candidate.difference:.2f}", pvalue, mark])
-        return [table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
+        return [widgets.table(["Model", "", "WIC − best", "p of the fit", ""], listed, "numbers ranking")]
 
-    return of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")
+    return widgets.of_job(workspace.search(session, axis), show, comes="the models that gmwm compared, the best first")
 
 
 def adding(model: str, term: str) -> str:

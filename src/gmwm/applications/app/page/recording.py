@@ -7,32 +7,15 @@ from typing import Any
 from dash import ALL, Dash, Input, Output, State, ctx, html, no_update
 
 from gmwm.applications.app.figures import Drawn, traces, with_spans
-from gmwm.applications.app.page.widgets import (
-    button,
-    changes,
-    draws,
-    failure,
-    field,
-    graph,
-    group,
-    menu,
-    message,
-    of_job,
-    remarks,
-    restores,
-    table,
-    text_input,
-    triggers,
-)
+from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session, number
 from gmwm.applications.app.workspace import Desk, Workspace, shown_times
-from gmwm.base.axis_names import by_sensor
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import duration_text
-from gmwm.base.units import unit_names
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import by_sensor, unit_names
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.measuring.inspection import Inspection
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
@@ -51,21 +34,21 @@ FIELD_OF = {
 def panel() -> list[Any]:
     """Return the components of the tab."""
     return [
-        group(
-            "open", html.Label("File", htmlFor="path"), text_input("path", "static.csv"),
-            button("Open", "open", "main"), html.P("or drop a file here", className="hint"), id="drop",
+        widgets.group(
+            "open", html.Label("File", htmlFor="path"), widgets.text_input("path", "static.csv"),
+            widgets.button("Open", "open", "main"), html.P("or drop a file here", className="hint"), id="drop",
         ),
         html.P(id="error-file", className="error", role="alert"),
         html.Details([html.Summary("Files in the folder"), html.Div(id="entries")], id="browse"),
         html.Details([html.Summary("How to read the file"), html.Div(_options(), className="fields")], id="reading"),
         html.Div(id="verdict"),
-        group(
+        widgets.group(
             "cut",
             html.P("Drag over a figure to mark a span, or type its ends.", className="hint"),
-            group(
-                "span", field("From", text_input("span-from", "20min"), "start"),
-                field("To", text_input("span-to", "25min"), "stop"),
-                button("Skip this span", "skip"), button("Keep only this span", "keep"),
+            widgets.group(
+                "span", widgets.field("From", widgets.text_input("span-from", "20min"), "start"),
+                widgets.field("To", widgets.text_input("span-to", "25min"), "stop"),
+                widgets.button("Skip this span", "skip"), widgets.button("Keep only this span", "keep"),
             ),
             html.P(id="error-skip", className="error", role="alert"),
             html.Div(id="spans", className="chips"),
@@ -81,13 +64,13 @@ def _options() -> list[Any]:
         for units in (unit_names("gyro"), unit_names("accel"), ("s", "ms", "µs", "ns"))
     )
     return [
-        field("Sampling rate (Hz)", text_input("rate", "from the time stamps"), "rate"),
-        field("Gyroscope unit", menu("gyro", gyro, ""), "units"),
-        field("Accelerometer unit", menu("accel", accel, ""), "accel"),
-        field("Time unit", menu("time", time, ""), "time"),
-        field("Columns", text_input("columns", "time,gyro_x,gyro_y,…"), "columns"),
-        field("Topic", text_input("topic", "for files with several recordings"), "topic"),
-        field("Scale of raw counts", text_input("scale", "gyro=1/131"), "scale"),
+        widgets.field("Sampling rate (Hz)", widgets.text_input("rate", "from the time stamps"), "rate"),
+        widgets.field("Gyroscope unit", widgets.menu("gyro", gyro, ""), "units"),
+        widgets.field("Accelerometer unit", widgets.menu("accel", accel, ""), "accel"),
+        widgets.field("Time unit", widgets.menu("time", time, ""), "time"),
+        widgets.field("Columns", widgets.text_input("columns", "time,gyro_x,gyro_y,…"), "columns"),
+        widgets.field("Topic", widgets.text_input("topic", "for files with several recordings"), "topic"),
+        widgets.field("Scale of raw counts", widgets.text_input("scale", "gyro=1/131"), "scale"),
     ]
 
 
@@ -97,9 +80,9 @@ def register(app: Dash, desk: Desk) -> None:
     _browsing(app, desk)
     _reading(app, desk)
     _cutting(app, desk)
-    draws(app, desk, tab="recording", place="verdict", draw=_verdict)
-    draws(app, desk, tab="recording", place="traces", draw=_traces)
-    draws(app, desk, tab="recording", place="spans", draw=_spans)
+    widgets.draws(app, desk, tab="recording", place="verdict", draw=_verdict)
+    widgets.draws(app, desk, tab="recording", place="traces", draw=_traces)
+    widgets.draws(app, desk, tab="recording", place="spans", draw=_spans)
 
     def unit(data: Any, _: int, page: str) -> Any:
         session = desk.session(data)
@@ -140,7 +123,7 @@ def _opening(app: Dash, desk: Desk) -> None:
                 before = desk.session(data)
                 session = Session(file=str(file), view=before.view, units=before.units, confidence=before.confidence)
         except (GmwmError, OSError, ValueError) as error:
-            return no_update, message(error), no_update
+            return no_update, widgets.message(error), no_update
         desk.workspace(page).session = session
         return session.to_dict(), "", count + 1
 
@@ -152,7 +135,7 @@ def _opening(app: Dash, desk: Desk) -> None:
         prevent_initial_call=True,
     )(open_file)  # fmt: skip
 
-    restores(app, desk, ("path", *FIELDS), lambda session: [session.file, *_field_values(session)])
+    widgets.restores(app, desk, ("path", *FIELDS), lambda session: [session.file, *_field_values(session)])
 
 
 def _browsing(app: Dash, desk: Desk) -> None:
@@ -162,7 +145,7 @@ def _browsing(app: Dash, desk: Desk) -> None:
         try:
             here, folders, files = desk.folders.entries(folder)
         except (GmwmError, OSError) as error:
-            return failure(error)
+            return widgets.failure(error)
         up = [] if here == "." else [_entry("folder", f"{here}/..", "..")]
         inside = "" if here == "." else f"{here}/"
         return [
@@ -183,7 +166,7 @@ def _browsing(app: Dash, desk: Desk) -> None:
 
 
 def _entry(kind: str, path: str, name: str) -> Any:
-    return button(name, {"type": kind, "path": path}, f"chip {kind}")
+    return widgets.button(name, {"type": kind, "path": path}, f"chip {kind}")
 
 
 # --- how to read it ---------------------------------------------------------------------------------
@@ -214,12 +197,12 @@ def _reading(app: Dash, desk: Desk) -> None:
         )  # fmt: skip
 
     inputs = [Input(name, "value") for name in FIELDS]
-    changes(app, desk, inputs, change, errors=PLACES[:-1])
+    widgets.changes(app, desk, inputs, change, errors=PLACES[:-1])
 
     def beside(data: Any, _: int, page: str) -> list[Any]:
         error = _reading_error(desk.session(data), desk.workspace(page))
         place = _place(error)
-        texts = [message(error) if error is not None and name == place else "" for name in PLACES]
+        texts = [widgets.message(error) if error is not None and name == place else "" for name in PLACES]
         return [*texts, True if place not in ("", "file") else no_update]
 
     app.callback(
@@ -274,7 +257,7 @@ def _cutting(app: Dash, desk: Desk) -> None:
     )(mark)  # fmt: skip
 
     def change(session: Session, *given: Any) -> Session | None:
-        hit, _, value = next(iter(triggers()), (None, "", None))
+        hit, _, value = next(iter(widgets.triggers()), (None, "", None))
         if not value:
             return None
         if isinstance(hit, dict):
@@ -287,7 +270,7 @@ def _cutting(app: Dash, desk: Desk) -> None:
 
     inputs = [Input("skip", "n_clicks"), Input("keep", "n_clicks"), Input({"type": "span", "span": ALL}, "n_clicks")]
     states = [State("span-from", "value"), State("span-to", "value")]
-    changes(app, desk, inputs, change, states=states, errors=("skip", "start", "stop"))
+    widgets.changes(app, desk, inputs, change, states=states, errors=("skip", "start", "stop"))
 
 
 def _without(session: Session, span: str) -> Session:
@@ -305,10 +288,10 @@ def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
     if "start" in reading or "stop" in reading:
         last = f"{number(reading['stop'])} s" if "stop" in reading else "the end"
         text = f"keep {number(reading.get('start', 0.0))} s to {last} ×"
-        chips.append(button(text, {"type": "span", "span": "keep"}, "chip", title="Remove this cut"))
+        chips.append(widgets.button(text, {"type": "span", "span": "keep"}, "chip", title="Remove this cut"))
     for k, (begin, end) in enumerate(reading.get("skip", ())):
         text = f"skip {number(begin)} s to {number(end)} s ×"
-        chips.append(button(text, {"type": "span", "span": str(k)}, "chip", title="Remove this cut"))
+        chips.append(widgets.button(text, {"type": "span", "span": str(k)}, "chip", title="Remove this cut"))
     return chips
 
 
@@ -317,7 +300,7 @@ def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
 
 def _verdict(session: Session, workspace: Workspace, width: float) -> Any:
     # An error of reading is already shown beside its field.
-    return [] if _reading_error(session, workspace) else of_job(workspace.inspection(session), _inspection_view)
+    return [] if _reading_error(session, workspace) else widgets.of_job(workspace.inspection(session), _inspection_view)
 
 
 def _inspection_view(found: Inspection) -> Any:
@@ -333,8 +316,8 @@ def _inspection_view(found: Inspection) -> Any:
          "–" if axis_report.lsb is None else f"{axis_report.lsb:.4g}", axis_report.unit]
         for name, axis_report in found.axes.items()
     ]  # fmt: skip
-    numbers = html.Details([html.Summary("Statistics of the axes"), table(head, rows, "numbers")])
-    return [html.P(" · ".join(facts), className="facts"), remarks(found.remarks), numbers]
+    numbers = html.Details([html.Summary("Statistics of the axes"), widgets.table(head, rows, "numbers")])
+    return [html.P(" · ".join(facts), className="facts"), widgets.remarks(found.remarks), numbers]
 
 
 def _traces(session: Session, workspace: Workspace, width: float) -> Any:
@@ -344,11 +327,11 @@ def _traces(session: Session, workspace: Workspace, width: float) -> Any:
 
         def place(axis: str, figure: Drawn) -> Any:
             name = {"type": "trace", "axis": axis}
-            return graph(with_spans(figure, spans, unit), name, f"{axis_title(axis)} over time")
+            return widgets.graph(with_spans(figure, spans, unit), name, f"{axis_title(axis)} over time")
 
         return [html.Div([place(axis, picture) for axis, picture in of.items()]) for of in by_sensor(figures).values()]
 
-    return [] if _reading_error(session, workspace) else of_job(workspace.overview(session), show)
+    return [] if _reading_error(session, workspace) else widgets.of_job(workspace.overview(session), show)
 
 
 def _left_out(session: Session) -> list[tuple[float, float]]:

@@ -1,8 +1,4 @@
-"""Random-effects model of units or recordings that are measured with error: mean, spread and prediction.
-
-The number x_i of unit i is distributed as N(μ, τ² + s_i²), where τ is the spread between units and s_i the known
-standard error. Every function processes many samples at once, in arrays (…, n) with NaN for a missing number.
-"""
+"""Statistics that several rooms use: p-values of several tests, means with random effects, and autocorrelations."""
 
 from __future__ import annotations
 
@@ -10,8 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.lazy import scipy
 
 _NODES = 48
 """Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
@@ -78,10 +76,10 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
     """Return the Q-profile limits of τ²; `freedom` are the degrees of freedom of dependent numbers, such as axes of a
     unit."""
-    from scipy.special import gammaincinv
-
     many, free = _freedom(x, freedom)
-    ends = (2 * gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2))
+    ends = (
+        2 * scipy.special.gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2)
+    )
     low, high = (between_units(x, s2, target=end) for end in ends)
     return low, high
 
@@ -119,13 +117,11 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
     """Yield the mean and the spread at each node of the confidence distribution of τ², which has the weights
     `_SHARES`."""
-    from scipy.special import gammaincinv
-
     many, free = _freedom(x, freedom)
     start = None
     # The quantiles of χ² decrease from node to node, so τ² increases, and each search starts at the last solution.
     for node in (1 + _LEGENDRE[0][::-1]) / 2:
-        start = between_units(x, s2, target=2 * gammaincinv(free / 2, node) * many / free, start=start)
+        start = between_units(x, s2, target=2 * scipy.special.gammaincinv(free / 2, node) * many / free, start=start)
         yield effects(x, s2, spread2=start)
 
 
@@ -137,11 +133,47 @@ def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:
 
 def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) -> Vector:
     """Return a quantile of a mixture of k normal distributions, given in arrays (k, …), by bisection."""
-    from scipy.special import ndtr
-
     low, high = np.min(means - 12 * sizes, axis=0), np.max(means + 12 * sizes, axis=0)
     for _ in range(60):
         middle = (low + high) / 2
-        below = np.tensordot(weights, ndtr((middle - means) / sizes), axes=1) < share
+        below = np.tensordot(weights, scipy.special.ndtr((middle - means) / sizes), axes=1) < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray((low + high) / 2)
+
+
+def holm(pvalues: ArrayLike) -> Vector:
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70): the probability of any
+    true hypothesis with an adjusted p-value of at most s is at most s, even for dependent tests. NaN is a test that was
+    not made.
+
+    >>> holm([0.01, 0.5, np.nan, 0.02])
+    array([0.03, 0.5 ,  nan, 0.04])
+    """
+    p = np.asarray(pvalues, dtype=np.float64)
+    count = np.count_nonzero(~np.isnan(p))
+    order = np.argsort(p, kind="stable")[:count]  # NaN is last
+    adjusted = np.full_like(p, np.nan)
+    adjusted[order] = np.maximum.accumulate(np.minimum((count - np.arange(count)) * p[order], 1.0))
+    return adjusted
+
+
+def autocorrelation(values: Vector, lags: int) -> Vector:
+    """Return the autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample (NaN) are left out."""
+    finite = np.isfinite(values)
+    products = _products(np.where(finite, values - np.mean(values, where=finite), 0.0), lags)
+    return np.asarray(products / products[0])
+
+
+def observed_pairs(values: Vector, lags: int) -> Vector:
+    """Return the number of pairs of observed samples (L,) at lags 1 … L."""
+    finite = np.isfinite(values)
+    if np.all(finite):
+        return values.size - np.arange(1.0, lags + 1)
+    return np.round(_products(finite.astype(np.float64), lags)[1:])
+
+
+def _products(z: Vector, lags: int) -> Vector:
+    """Return Σ_t z_t z_{t+k} at the lags k = 0 … L, an (L + 1,) array, by the Fourier transform."""
+    size = 1 << int(2 * z.size - 1).bit_length()
+    transform = np.fft.rfft(z, size)
+    return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

@@ -1,0 +1,30 @@
+"""SciPy and Polars, imported when something of them is used: together they take 0.5 s."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import polars as polars
+    import scipy as scipy
+    import scipy.fft
+    import scipy.interpolate
+    import scipy.linalg
+    import scipy.optimize
+    import scipy.signal
+    import scipy.special
+    import scipy.stats
+else:
+    from pkgutil import resolve_name
+
+    class _LazyLibrary:
+        """A library whose packages, or other names, are found when they are used; `mark` stands before such a name."""
+
+        def __init__(self, name: str, mark: str) -> None:
+            self._name, self._mark = name, mark
+
+        def __getattr__(self, name: str) -> object:
+            value = self.__dict__[name] = resolve_name(f"{self._name}{self._mark}{name}")
+            return value
+
+    scipy, polars = _LazyLibrary("scipy", "."), _LazyLibrary("polars", ":")
