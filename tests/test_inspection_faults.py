@@ -6,7 +6,7 @@ import pytest
 import gmwm
 from gmwm import Signal
 from gmwm.measuring.inspection import inspect
-from gmwm.measuring.inspection.saturation import _loss
+from gmwm.measuring.inspection.time_grid import _loss
 from gmwm.recording.signals import Imu
 from tests.helpers import codes, only
 from validation import faults
@@ -31,7 +31,7 @@ NAMED = {
     "level-steps:possible", "trend:swing",
     "fault-undone:held",
     "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
-    "fault-undone:wrapped",
+    "fault-undone:wrapped", "heavy-tails:changes",
 }  # fmt: skip
 
 
@@ -252,3 +252,26 @@ def test_a_day_with_harmonics_is_a_part_of_the_model():
     number = calibration.datasheets["gyro_x"]["N"]
     assert number.low < 1e-5 / rate**0.5 < number.high
     assert number.high < 1.05 * number.low
+
+
+@pytest.mark.parametrize(("ratio", "changes"), [(1.3, True), (1.1, False)])
+def test_a_level_of_the_noise_that_changes_is_named_with_its_time(ratio, changes):
+    """Two logs joined, another range, or axes swapped: N is a mean of both."""
+    rng = np.random.default_rng(11)
+    x = faults.base(SAMPLES, rng)
+    x[SAMPLES // 3 :] += np.sqrt(ratio**2 - 1) * faults.WHITE * rng.normal(size=SAMPLES - SAMPLES // 3)
+    remarks = seen(x).remarks
+    assert ("heavy-tails:changes" in codes(remarks)) == changes
+    if changes:
+        remark = only(remarks, "heavy-tails:changes", "gyro_x")
+        assert remark.facts["share"] == pytest.approx(100 * (ratio - 1), rel=0.3)
+        assert remark.facts["time"].value == pytest.approx(SAMPLES / RATE / 3, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_level_that_varies_at_random_does_not_change():
+    """As the sample variances of heavy tails do."""
+    for seed in range(20):
+        rng = np.random.default_rng((12, seed))
+        x = rng.normal(size=SAMPLES) * np.repeat(np.exp(0.2 * rng.normal(size=64)), SAMPLES // 64 + 1)[:SAMPLES]
+        assert "heavy-tails:changes" not in codes(seen(x * faults.WHITE).remarks)

@@ -87,13 +87,17 @@ def table(result: dict[str, Any]) -> str:
     def lowest(group: list[dict[str, Any]]) -> str:
         return f"{min(min(row['covered']) for row in group):.0%}"
 
+    def rejections(group: list[dict[str, Any]]) -> str:
+        shares = [row["rejected"] for row in group]
+        return f"{min(shares):.1%} to {max(shares):.1%}"
+
     total = sum(row["runs"] for row in rows)
     lines = [
         f'`gmwm.fit(model, x, moments="{MOMENTS}")` was applied to {total} series. 95 % intervals contain the true '
         f"value in {lowest(gaussian)} of them or more with Gaussian errors, and in {lowest(student)} or more "
         f"with errors of heavy tails, which gmwm finds in {min(row['widened'] for row in student):.0%} to "
         f"{max(row['widened'] for row in student):.0%}. At the 5 % level, the goodness-of-fit test rejects "
-        f"{min(row['rejected'] for row in rows):.1%} to {max(row['rejected'] for row in rows):.1%} of the true models.",
+        f"{rejections(gaussian)} of the true models with Gaussian errors, and {rejections(student)} with heavy tails.",
         "",
         f"![Coverage of the intervals of each parameter]({NAME}.svg)",
         "",

@@ -12,8 +12,9 @@ import gmwm
 from gmwm import agree
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
+from gmwm.calibration.agreement import _error_correlations, _shared_factors
 from gmwm.choosing.datasheets import Datasheet, Entry
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from tests.helpers import code_of, codes, only, raises
 
 TRUTH = {
@@ -467,3 +468,28 @@ def test_recordings_without_a_common_axis_have_no_factor():
     assert shared.factors[2] == pytest.approx((1.0, math.exp(-0.16003), math.exp(0.16003)), rel=1e-4)
     assert found.summary()
     assert agree([{"gyro_x": sheet(point("K", 1.0, 0.1))}] * 2).sensors == (), "one axis is its own test"
+
+
+def test_the_test_of_a_sensor_whose_axes_share_noise_has_its_size():
+    generator = np.random.default_rng(6)
+    shared = np.full((3, 3), 0.6) + 0.4 * np.eye(3)
+    pvalues = []
+    for _ in range(2000):
+        errors = generator.uniform(0.05, 0.3, (3, 2))
+        logs = errors * (np.linalg.cholesky(shared) @ generator.standard_normal((3, 2)))
+        of_axes = {axis: list(zip(*row, strict=True)) for axis, *row in zip("xyz", logs, errors, strict=True)}
+        pvalues.append([_shared_factors("gyro", "K", of_axes, of).pvalue for of in ([shared] * 2, [np.eye(3)] * 2)])
+    sizes = np.mean(np.array(pvalues) < 0.05, axis=0)
+    assert 0.035 < sizes[0] < 0.065
+    assert sizes[1] > 0.15, "with independent axes, the test would be wrong"
+
+
+def test_axes_that_share_noise_have_correlated_errors(three):
+    pairs = ("gyro_x/gyro_y",)
+    remark = Remark.of(
+        "noise-shared", case="calibration", pairs=pairs, correlations=(-0.8,), strongest=pairs, count=1, many="no",
+        correlation=0.8, first="gyro_x", second="gyro_y", tau=1.0, size=0.05,
+    )  # fmt: skip
+    shared = replace(three[0], recording_remarks=(remark,))
+    assert _error_correlations(shared, ["gyro_y", "gyro_x"]) == pytest.approx(np.array([[1, 0.64], [0.64, 1]]))
+    assert np.all(_error_correlations(three[0].datasheets, ["gyro_y", "gyro_x"]) == np.eye(2))

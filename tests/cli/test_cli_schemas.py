@@ -6,9 +6,8 @@ import json
 import jsonschema
 import pytest
 
-from gmwm.cli.main import NAMES
-from gmwm.cli.manual import SCHEMAS as FILE
-from gmwm.cli.manual import schema
+from gmwm.cli.main import NAMES, schema
+from gmwm.cli.main import SCHEMAS as FILE
 from tests.json_outputs import Shape
 
 SCHEMAS = json.loads(FILE.read_text(encoding="utf-8"))

@@ -109,14 +109,14 @@ def test_bins_have_equal_shares_and_end_at_gaps() -> None:
     np.testing.assert_allclose(bins.shares, 1 / 8, rtol=0.02)
     assert sum(wv.samples for wv in bins.curves) <= len(signal)
     # A step of 4900 samples of one ramp through a bin has 1000 samples, so that a level of 512 is measured.
-    assert bins.levels == 9
+    assert len(bins.curves[0]) == 9
 
 
 def test_the_curve_of_a_bin_is_the_mean_over_the_conditions_of_its_coefficients() -> None:
     rng = np.random.default_rng(11)
     c = np.interp(T, np.arange(0, N + 400, 400), rng.normal(size=N // 400 + 2))
     _, bins = divide(gmwm.Signal(rng.normal(size=N), 1.0), {"c": c}, robust=False, efficiency=0.6)
-    levels = np.arange(1, bins.levels + 1)
+    levels = np.arange(1, len(bins.curves[0]) + 1)
 
     def curves(values: Array) -> Array:
         phi = np.tanh(1 + 0.6 * np.atleast_1d(values))

@@ -8,8 +8,8 @@ import pytest
 
 import gmwm
 from gmwm.applications.fleets.statistics import fleet_statistics
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
+from gmwm.base.results import Difference, DifferenceTests
 from gmwm.fitting.inference import noise_against
 from gmwm.measuring.variance.pooling import pool
 from gmwm.showing.plots.figure import description

@@ -6,9 +6,8 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
-from gmwm.recording.repairs.levels import two_levels_of
+from gmwm.recording.repairs.patterns import modulus_of, two_levels_of
 from gmwm.recording.repairs.repeats import repeats_of
-from gmwm.recording.repairs.wraps import modulus_of
 from tests.helpers import codes, only
 
 RATE = 100.0
@@ -198,4 +197,12 @@ def test_noise_with_two_levels_is_named_and_not_changed(share):
 def test_motion_at_the_end_is_not_a_second_level():
     x = _noise(10, 60_000)
     x[-3000:] += 0.05 * np.sin(np.arange(3000) / 50)
+    assert two_levels_of(x) is None
+
+
+@pytest.mark.parametrize("place", [0.3, 0.5, 0.7])
+def test_one_jump_is_not_a_second_level(place):
+    """Single means cross the middle by noise again and again, with a jump of 1.3 standard deviations."""
+    x = _noise(10, 240_000)
+    x[int(place * x.size) :] += 1.35 * np.std(np.diff(x)) / np.sqrt(2)
     assert two_levels_of(x) is None

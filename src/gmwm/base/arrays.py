@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -114,6 +115,8 @@ def _require_samples(values: object, name: str) -> None:
 
 def as_rate(rate: float | None) -> float:
     """Check a sampling rate: a positive, finite number (Hz)."""
+    if type(rate) is float and 0 < rate < math.inf:
+        return rate
     if rate is None:
         raise OptionError(
             "the sampling rate is missing", argument="rate", advice="Pass the samples per second with {--rate}."
@@ -140,9 +143,16 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     if array.dtype.kind not in "iu":
         raise OptionError(argument="levels", expected=expected, got=levels)
     result = np.arange(1, int(array) + 1, dtype=np.int64) if array.ndim == 0 else array.astype(np.int64)
-    if result.ndim != 1 or result.size == 0 or result[0] < 1 or result[-1] > 62 or (result[1:] <= result[:-1]).any():
+    if result.ndim != 1 or not _are_levels(result.tobytes()):
         raise OptionError(argument="levels", expected=expected, got=levels)
     return result
+
+
+@lru_cache(maxsize=128)
+def _are_levels(content: bytes) -> bool:
+    """Return whether the bytes of an array are ascending levels; every curve of a fit asks this for the same levels."""
+    levels = np.frombuffer(content, dtype=np.int64)
+    return bool(levels.size and levels[0] >= 1 and levels[-1] <= 62 and np.all(levels[1:] > levels[:-1]))
 
 
 def row_medians(rows: Matrix) -> Vector:

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from statistics import NormalDist
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
+from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.statistics import holm
+from gmwm.base.units import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration
@@ -21,19 +22,17 @@ from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
 from gmwm.choosing.selection.structure import slow_terms
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
 from gmwm.theory.processes.model import Model
 
-_SLOW = ("R",)
-"""Symbols of the datasheet numbers that depend on the slow terms of a model."""
+_SLOW = ("R",)  # symbols of the datasheet numbers that depend on the slow terms of a model
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
 on a logarithmic scale."""
 
-_SHARED = ("N", "K")
-"""Symbols of the numbers that are also tested for all axes of a sensor together: those of a filter."""
+_SHARED = ("N", "K")  # symbols of the numbers that are also tested for all axes of a sensor together: those of a filter
 _Z = NormalDist().inv_cdf(0.975)
 
 Tested = TypeVar("Tested", SharedNumber, SensorFactors)
@@ -58,7 +57,8 @@ def agree(
 
     A change that all axes of a sensor share is clearer in all axes together. For N and K of each sensor, let x_ir be
     the logarithm in axis i and recording r, and m_i + d_r its expectation. The test that all d_r are equal compares the
-    weighted sums of squares with and without d_r; exp(d_r − d_1) is the factor of recording r. These tests are adjusted
+    weighted sums of squares with and without d_r; exp(d_r − d_1) is the factor of recording r. If a calibration says
+    that two axes share noise with a correlation ρ, the correlation of the errors of x is ρ². These tests are adjusted
     among themselves, so each family of tests has the level `size`.
 
     N, K, Q and B are always compared. R is compared only if all models have the same slow terms, and other numbers only
@@ -116,7 +116,7 @@ def agree(
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
-        failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets), size)),
+        failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
     )  # fmt: skip
 
 
@@ -265,7 +265,9 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
     return math.erfc(high / math.sqrt(2))
 
 
-def _of_sensors(rows: Sequence[SharedNumber], sheets: Sequence[Mapping[str, Datasheet]]) -> list[SensorFactors]:
+def _of_sensors(
+    rows: Sequence[SharedNumber], sheets: Sequence[Mapping[str, Datasheet]], calibrations: Sequence[Recording]
+) -> list[SensorFactors]:
     """Return the factors of N and K that all axes of a sensor share, with the p-values of their tests."""
     factors = []
     for sensor, symbol in dict.fromkeys((sensor_of(row.axis), row.symbol) for row in rows if row.symbol in _SHARED):
@@ -275,41 +277,68 @@ def _of_sensors(rows: Sequence[SharedNumber], sheets: Sequence[Mapping[str, Data
                 continue
             points = [
                 _point(entry, _quantile(sheet[row.axis]), signed=False)
-                if entry is not None and _is_known(entry) and not entry.upper_only else (math.nan, math.inf)
+                if entry is not None and _is_known(entry) and not entry.upper_only else (math.nan, math.nan)
                 for entry, sheet in zip(row.entries, sheets, strict=True)
             ]  # fmt: skip
             if sum(math.isfinite(x) for x, _ in points) > 1:
                 logs[row.axis] = points
         if len(logs) > 1:
-            factors.append(_shared_factors(sensor, symbol, logs))
+            shared = [_error_correlations(calibration, list(logs)) for calibration in calibrations]
+            factors.append(_shared_factors(sensor, symbol, logs, shared))
     return factors
 
 
-def _shared_factors(sensor: str, symbol: str, logs: Mapping[str, list[tuple[float, float]]]) -> SensorFactors:
-    """Return the factors of the recordings that the logarithms of all axes share. After the mean of each axis, the
-    normal equations of d_r are the weighted Laplacian of a graph whose nodes are the recordings."""
+def _error_correlations(calibration: Recording, axes: Sequence[str]) -> Matrix:
+    """Return the correlations (A, A) of the errors of the logarithms of axes: the squares of those of their noise."""
+    shared = np.eye(len(axes))
+    for remark in calibration.recording_remarks if isinstance(calibration, Calibration) else ():
+        facts: dict[str, Any] = dict(remark.facts)
+        for pair, correlation in zip(facts.get("pairs", ()), facts.get("correlations", ()), strict=False):
+            if set(pair.split("/")) <= set(axes):
+                i, j = (axes.index(axis) for axis in pair.split("/"))
+                shared[i, j] = shared[j, i] = correlation**2
+    # The largest correlations of several scales together need not be a correlation matrix.
+    excess = max(0.0, 0.01 - float(np.linalg.eigvalsh(shared)[0]))
+    return np.asarray((shared + excess * np.eye(len(axes))) / (1 + excess))
+
+
+def _shared_factors(
+    sensor: str, symbol: str, logs: Mapping[str, list[tuple[float, float]]], shared: Sequence[Matrix]
+) -> SensorFactors:
+    """Return the factors of the recordings that the logarithms of all axes share, by generalised least squares for
+    m_i + d_r, with the correlations `shared` (A, A) of the errors in each recording."""
     from scipy.special import gammaincc
 
     x, s = np.moveaxis(np.array(list(logs.values())), -1, 0)
-    weights = (s.min() / s) ** 2
-    x = np.where(weights > 0, x, 0.0)
-    laplacian = np.diag(weights.sum(axis=0)) - weights.T @ (weights / weights.sum(axis=1, keepdims=True))
-    means = np.sum(weights * x, axis=1, keepdims=True) / weights.sum(axis=1, keepdims=True)
-    right = np.sum(weights * (x - means), axis=0)
-    inverse = np.linalg.pinv(laplacian, rcond=1e-10, hermitian=True)
-    first = int(np.flatnonzero(weights.any(axis=0))[0])
-    contrasts = np.eye(len(right)) - np.eye(len(right))[first]
+    count, first = len(logs), int(np.flatnonzero(np.isfinite(x).any(axis=0))[0])
+    scale = float(np.nanmin(s))  # so that no weight overflows
+    blocks, targets = [], []
+    for recording, correlations in enumerate(shared):
+        axes = np.flatnonzero(np.isfinite(x[:, recording]))
+        errors = s[axes, recording] / scale
+        root = np.linalg.cholesky(correlations[np.ix_(axes, axes)] * np.outer(errors, errors))
+        design = np.zeros((axes.size, count + x.shape[1]))
+        design[np.arange(axes.size), axes] = 1
+        design[:, count + recording] = recording != first
+        solved = np.linalg.solve(root, np.column_stack([design, x[axes, recording]]))
+        blocks.append(solved[:, :-1])
+        targets.append(solved[:, -1])
+    matrix, target = np.vstack(blocks), np.concatenate(targets)
+    inverse = np.linalg.pinv(matrix)
+    null = target - matrix[:, :count] @ np.linalg.pinv(matrix[:, :count]) @ target
+    gain = float(np.sum(null**2) - np.sum((target - matrix @ inverse @ target) ** 2))
+    freedom = int(np.linalg.matrix_rank(matrix)) - count
+    d, errors = (inverse @ target)[count:], scale * np.linalg.norm(inverse, axis=1)[count:]
     # A recording that shares no axis with the first one, or with one that does, has no factor.
-    linked = np.abs(contrasts @ (inverse @ laplacian) - contrasts).max(axis=1) < 1e-6
-    errors = s.min() * np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", contrasts, inverse, contrasts), 0.0))
-    statistic, rank = float(right @ inverse @ right) / s.min() ** 2, int(np.linalg.matrix_rank(laplacian, tol=1e-10))
+    known = np.abs((inverse @ matrix - np.eye(matrix.shape[1]))[count:]).max(axis=1) < 1e-6
+    known[first], d[first], errors[first] = True, 0.0, 0.0
     factors = [
-        (math.exp(d), math.exp(d - _Z * error), math.exp(d + _Z * error)) if link else None
-        for d, error, link in zip((contrasts @ inverse @ right).tolist(), errors.tolist(), linked, strict=True)
+        (math.exp(size), math.exp(size - _Z * error), math.exp(size + _Z * error)) if is_known else None
+        for size, error, is_known in zip(d.tolist(), errors.tolist(), known, strict=True)
     ]
     return SensorFactors(
         sensor=sensor, symbol=symbol, axes=tuple(logs), factors=tuple(factors),
-        pvalue=float(gammaincc(rank / 2, statistic / 2)),
+        pvalue=float(gammaincc(freedom / 2, max(gain, 0.0) / (2 * scale**2))),
     )  # fmt: skip
 
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from statistics import geometric_mean
 from typing import Any, Literal
 
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
+from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
 from gmwm.calibration.tables import bullet, key, number, wrap_text
 from gmwm.choosing.datasheets import Entry
-from gmwm.files.importers.quantities import Reference
+from gmwm.files.importers.values import Reference
 from gmwm.measuring.variance.allan_regression import LAWS
 
 _NONE = "–"

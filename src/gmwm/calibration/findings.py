@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import MissingTheoryError
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, round_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
@@ -24,9 +24,8 @@ from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
-from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.theory.filters import find_filter
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -61,8 +60,7 @@ describe the data (tests/calibration/test_misfit.py)."""
 
 SMALL_OUTLIER_SHARE = 0.01
 """Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
@@ -240,8 +238,8 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
     yield from _of_replaced(axis, verdict.replaced, axis_calibration)
-    switching = axis in axes_with_two_levels(calibration.recording_remarks)
-    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not switching:
+    named = any(remark.code == "heavy-tails" and remark.subject == axis for remark in calibration.recording_remarks)
+    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
 from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
+from gmwm.base.units import by_sensor
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
@@ -145,10 +145,8 @@ REST: Mapping[Dialect, str] = {
 }  # fmt: skip
 """Where users find the remarks that the summary does not show."""
 
-MOST_LINES = 10
-"""Largest number of lines that a table shows. A choice: the weakest of more lines hardly matter."""
-SPREAD_OF = ("N", "B", "K")
-"""Symbols of the numbers whose spread between recordings the table shows."""
+MOST_LINES = 10  # largest number of lines that a table shows. A choice: the weakest of more lines hardly matter
+SPREAD_OF = ("N", "B", "K")  # symbols of the numbers whose spread between recordings the table shows
 _FIRST = "[1]"
 _BIAS, _MEAN = "b", "mean"
 _REST = {_BIAS: "bias", "b_on": "turn-on", "b_rms": "bias rms"}

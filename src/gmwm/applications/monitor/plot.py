@@ -14,10 +14,9 @@ import numpy as np
 from gmwm.applications.monitor import Event, Trace
 from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 from gmwm.base.atomic_files import write_text
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.text import duration_text, version
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing

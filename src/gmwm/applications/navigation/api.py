@@ -22,12 +22,11 @@ import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
 from gmwm.base.arrays import Matrix, Vector, as_rate
-from gmwm.base.axis_names import AXES
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY
 from gmwm.choosing.datasheets.bias import FitCurve
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, variance_limit
@@ -102,21 +101,21 @@ def mean_squares(
     from levelling, and all errors without a rest, are those since a known bias: all noise except oscillations is zero
     at the start. `gain` is that of the filter that estimates the bias in the rest."""
     if not rest:
-        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest_and_gain=(0, gain))
-    squares = _mean_squares(process.state_space(rate), rate, motion, steps, rest_and_gain=(rest, gain))
+        return _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(0, gain))
+    squares = _mean_squares(process.state_space(rate), rate, motion, steps, start=(rest, gain))
     if np.any(motion.at_start):
-        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, rest_and_gain=(rest, gain))
+        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(rest, gain))
         squares[:, :3] = known[:, :3]
     return squares
 
 
 def _mean_squares(
-    space: StateSpace, rate: float, motion: Response, steps: Sequence[int], rest_and_gain: tuple[int, float]
+    space: StateSpace, rate: float, motion: Response, steps: Sequence[int], *, start: tuple[int, float]
 ) -> Matrix:
     p, q = space.states, motion.drive.size
     moment = np.zeros((p + 1 + q, p + 1 + q))
     moment[:p, :p] = space.P0 + np.outer(space.m0, space.m0)
-    rest, gain = rest_and_gain
+    rest, gain = start
     if rest:
         # The gain of a filter that starts without a bias is 1/k until its time constant, and constant after it.
         first = min(rest, max(1, round(1 / gain))) if gain > 0 else rest

@@ -11,9 +11,8 @@ import numpy as np
 from gmwm.base.arrays import Booleans, FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.choosing.datasheets.entry import significant
 

@@ -25,8 +25,8 @@ from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.lazy import scipy
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.statistics import holm
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import RecordingAddition
 from gmwm.calibration.findings import TEST_SIZE
@@ -474,9 +474,12 @@ class SharedNoiseAddition(RecordingAddition):
             pairs.sort(key=lambda pair: -abs(pair.correlation))
             strongest = pairs[0]
             first, second = strongest.axes
+            names = tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))
+            # At longer scales, few values decide the correlation, and N and K hardly depend on them.
+            largest = {"/".join(pair.axes): pair.correlation for pair in reversed(pairs) if pair.tau <= 100}
             yield Remark.of(
-                "noise-shared", case="calibration",
-                **pairs_facts(tuple(dict.fromkeys("/".join(pair.axes) for pair in pairs))),
+                "noise-shared", case="calibration", **pairs_facts(names),
+                correlations=tuple(largest.get(name, 0.0) for name in names),
                 first=first, second=second, correlation=strongest.correlation, tau=Quantity(strongest.tau, "s"),
                 size=TEST_SIZE,
             )  # fmt: skip

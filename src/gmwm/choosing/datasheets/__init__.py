@@ -32,14 +32,12 @@ from gmwm.theory.processes.parameter import Physical
 
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "numbers_at", "with_limits"]
 
-FILTER = ("N", "K")
-"""Symbols of the numbers of a filter, which come first in a datasheet."""
+FILTER = ("N", "K")  # symbols of the numbers of a filter, which come first in a datasheet
 SAME_NUMBER_DIFFERENCE = 0.05
 """Largest relative difference between a number of a filter and the same number of a term of the model for which the
 datasheet does not repeat the number of the term. Pinned by tests/test_datasheet.py."""
 
-_FLICKER = f"{SYMBOL}_f"
-"""Symbol of the coefficient of a flicker term, before it is renamed to B."""
+_FLICKER = f"{SYMBOL}_f"  # symbol of the coefficient of a flicker term, before it is renamed to B
 
 _ORDER = (*FILTER, SYMBOL, _FLICKER, "Q", "R")
 

@@ -93,8 +93,7 @@ TRUE_CLAIM = (0.8, 1.3)
 """Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
 tests/exporters/test_quality.py."""
 
-WHITE, WALK = 0.5, -0.5
-"""Powers of time in the units of N and K."""
+WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
 
@@ -289,15 +288,18 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
     return stored[use]
 
 
-def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
-    """Return the numbers of a fit with the processes of `end` in the place of its own."""
+def _at(
+    fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None,
+    near: FilterPrediction | None = None,
+) -> FilterNumbers:  # fmt: skip
+    """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
     processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
     # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
     # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
     # tests/test_effective_noise.py.
     slowest = wv.samples / 10.0
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest)
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, near=near)
 
 
 @dataclass(frozen=True)
@@ -327,7 +329,8 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
         numbers = _at(fit, use, ratio)
         of_model = numbers if ratio is None else _at(fit, use, None)
         try:
-            moved = [_at(fit, use, each) for each in (ratio.moved() if ratio is not None else ())]
+            ratios = () if ratio is None else ratio.moved()
+            moved = [_at(fit, use, each, near=numbers.prediction) for each in ratios]
             errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
@@ -343,11 +346,14 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
+    processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.rate):
             return np.zeros(2)
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio).error(gain))
+        # A process with one shape parameter has no resonance that moves away from the frequencies of the quadrature.
+        near = numbers.prediction if process in processes or len(process.nonlinear_parameters()) < 2 else None
+        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

@@ -12,8 +12,8 @@ import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import OptionError
-from gmwm.base.frames import Tabular
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.results import Tabular
 from gmwm.base.text import align
 from gmwm.base.units import datasheet_units, spelt
 

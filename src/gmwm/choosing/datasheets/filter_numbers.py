@@ -10,8 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
+from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
 from gmwm.fitting.likelihood.system import is_ramp
@@ -25,8 +26,7 @@ _FIRST = 1e-14
 closed form."""
 _COARSE, _FINE = 4.0, 2**0.25
 """Ratios of the ends of a panel at low frequencies, and above `_RESONANT`, where the spectrum may have resonances."""
-_RESONANT = 0.01
-"""Angular frequency (rad per sample) above which the panels are narrow enough to detect resonances."""
+_RESONANT = 0.01  # angular frequency (rad per sample) above which the panels are narrow enough to detect resonances
 _PERIODS = 76
 """Number of periods 2π/n of the mean of n samples that have a panel of their own. Above, the part of the error that
 oscillates with frequency is left out, because its integral is negligible."""
@@ -57,25 +57,27 @@ class FilterPrediction:
     G − H is zero at θ = 0, so that J is finite for a random walk and for flicker noise. A ramp with the slope ω per
     sample adds ω² ((n + 1)/2 + (1 − g)/g)², and a sinusoid of the power P adds P |G − H|² at its frequency. `theta`
     (m,) are angular frequencies (rad per sample), `mass` (m,) the density times the quadrature weights over π, or the
-    power of a sinusoid, and `ramp` the sum of ω².
+    power of a sinusoid, and `ramp` the sum of ω². `weights` (k,) are the quadrature weights of the first frequencies.
     """
 
     theta: Vector
     mass: Vector
+    weights: Vector
     samples: int
     ramp: float = 0.0
 
     @classmethod
     def of(
         cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None, *,
-        lines: bool = True,
+        lines: bool = True, near: FilterPrediction | None = None,
     ) -> FilterPrediction:  # fmt: skip
         """Return the prediction of a sum of processes. `ratio` is a factor of the density of all processes at angular
-        frequencies (rad per sample); `lines` includes the sinusoids with periods near the horizon. Raises
-        MissingTheoryError for an unknown spectrum."""
+        frequencies (rad per sample); `lines` includes the sinusoids with periods near the horizon. `near` is the
+        prediction of a sum with the same resonances, whose quadrature is used. Raises MissingTheoryError for an unknown
+        spectrum."""
         present = [p for p in processes if p.scale != 0]
         sinusoids = [line for p in present if (line := p.line(rate)) is not None and lines]
-        near = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
+        seen = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
         noises = [p for p in present if p.line(rate) is None]
         ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
         ramp = sum(float(np.diff(p.mean([0, 1]))[0]) ** 2 for p in ramps)
@@ -85,9 +87,14 @@ class FilterPrediction:
             density = _density(moving, rate, theta.tobytes())
             return density if ratio is None else np.asarray(density * ratio(theta))
 
-        theta, mass = _quadrature(total, samples) if moving else (np.empty(0), np.empty(0))
-        theta = np.concatenate([theta, [2 * math.pi * cycles for _, cycles in near]])
-        return cls(theta, np.concatenate([mass, [power for power, _ in near]]), samples=samples, ramp=ramp)
+        theta, weights, mass = np.empty((3, 0))
+        if moving and near is not None and near.weights.size:
+            theta, weights = near.theta[: near.weights.size], near.weights
+            mass = weights * total(theta)
+        elif moving:
+            theta, weights, mass = _quadrature(total, samples)
+        theta = np.concatenate([theta, [2 * math.pi * cycles for _, cycles in seen]])
+        return cls(theta, np.concatenate([mass, [power for power, _ in seen]]), weights, samples=samples, ramp=ramp)
 
     def error(self, gain: FilterGain) -> tuple[float, float]:
         """Return the mean square of the prediction error (u²), and its derivative with respect to ln(w Δt)."""
@@ -214,8 +221,8 @@ def _grown(low: float, high: float, by: float) -> Vector:
     return np.geomspace(low, high, 1 + math.ceil(math.log(high / low) / math.log(by)))
 
 
-def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
-    """Return frequencies and the density times the weights, with panels that are halved at resonances."""
+def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector, Vector]:
+    """Return frequencies, weights, and weights times the density, with panels that are halved at resonances."""
     # Largest number of times that a panel is halved.
     splits = 12
     ends = _panels(samples)
@@ -224,36 +231,38 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector]:
     edge = np.array([_FIRST, 1.01 * _FIRST])
     density = spectrum(edge)
     power = math.log(density[0] / density[1]) / math.log(1.01) if density[0] > 0 else 0.0
-    thetas, masses = [edge[:1]], [density[:1] * _FIRST / (3 - power)]
-    theta, mass = _rule(spectrum, low, high)
+    share = np.array([_FIRST / (3 - power)])
+    parts = [np.stack([edge[:1], share, share * density[:1]])]
+    coarse = _rule(spectrum, low, high)
     for split in range(splits + 1):
         middle = np.sqrt(low * high)
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        halves, half_masses = _rule(spectrum, low, high)
-        total = half_masses.sum(axis=1).reshape(2, -1).sum(axis=0)
+        halves = _rule(spectrum, low, high)
+        total = halves[2].sum(axis=1).reshape(2, -1).sum(axis=0)
         # Relative accuracy of the integral of a spectrum over each panel.
-        done = np.abs(total - mass.sum(axis=1)) <= 1e-10 * np.abs(total)
+        done = np.abs(total - coarse[2].sum(axis=1)) <= 1e-10 * np.abs(total)
         if split == splits:
             done[:] = True
-        thetas.append(theta[done].ravel())
-        masses.append(mass[done].ravel())
+        parts.append(coarse[:, done].reshape(3, -1))
         if np.all(done):
             break
-        coarse = np.tile(~done, 2)
-        theta, mass, low, high = halves[coarse], half_masses[coarse], low[coarse], high[coarse]
-    return np.concatenate(thetas), np.concatenate(masses) / math.pi
+        again = np.tile(~done, 2)
+        coarse, low, high = halves[:, again], low[again], high[again]
+    theta, weights, mass = np.concatenate(parts, axis=1)
+    return theta, weights / math.pi, mass / math.pi
 
 
-def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> tuple[Matrix, Matrix]:
-    """Return the nodes of Gauss-Legendre quadrature in ln θ on each panel, and the density times the weights."""
+def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> NDArray[np.float64]:
+    """Return the nodes (n, 12) of Gauss-Legendre quadrature in ln θ on each of n panels, their weights, and the weights
+    times the density."""
     x, w = _LEGENDRE
     octaves = np.log(high / low)[:, None]
     theta = low[:, None] * np.exp(octaves * (x + 1) / 2)
-    return theta, theta * (octaves * w / 2) * spectrum(theta.ravel()).reshape(theta.shape)
+    weights = theta * (octaves * w / 2)
+    return np.stack([theta, weights, weights * spectrum(theta.ravel()).reshape(theta.shape)])
 
 
-SLOWEST_FILTER_SAMPLES = 1e10
-"""Default of the longest time constant 1/w of a filter, in samples."""
+SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a filter, in samples
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
 
@@ -278,7 +287,7 @@ def samples_in(time: float, rate: float) -> int:
 
 def filter_numbers(
     processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: Spectrum | None = None,
-    slowest: float = SLOWEST_FILTER_SAMPLES,
+    slowest: float = SLOWEST_FILTER_SAMPLES, near: FilterPrediction | None = None,
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
@@ -286,12 +295,12 @@ def filter_numbers(
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio`). The left side of the
-    second condition is the error that the filter states. The formulas are for T far above the sampling interval Δt. The
-    code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of its terms
-    for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of the best
-    filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
-    unknown.
+    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio` and `near`). The left side
+    of the second condition is the error that the filter states. The formulas are for T far above the sampling interval
+    Δt. The code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of
+    its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of
+    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a
+    process is unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
@@ -300,7 +309,7 @@ def filter_numbers(
     (0.0001, 1e-05)
     """
     samples = samples_in(horizon, rate)
-    prediction = FilterPrediction.of(processes, rate, samples, ratio)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio, near=near)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1

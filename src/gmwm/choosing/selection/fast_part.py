@@ -17,7 +17,7 @@ from gmwm.fitting.estimation.model_error import nearly_fitted
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.spectrum.line import Bump, Line
-from gmwm.measuring.spectrum.resonance import resonance_of
+from gmwm.measuring.spectrum.narrow import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, Alternative, SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance

@@ -15,9 +15,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError, ModelError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised, align, counted, p_relation, p_text, round_fixed
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.bootstrap import DRAWS

@@ -86,9 +86,8 @@ def sandwich(fit: Fit) -> Sandwich:
         If the covariance of a process is unknown.
     """
     design, acts_as = Design.of(fit.wavelet_variance), fit.diagnostics.acts_as
-    wavelet = noise_covariance(fit.model, design)
     bias = rounding_bias(fit.model, design) * fit.implied  # counts as a standard error
-    wavelet = wavelet + np.outer(bias, bias)
+    wavelet = noise_covariance(fit.model, design) + np.outer(bias, bias)
     result = sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=acts_as)
     if len(fit.wavelet_variance.recordings) < 2:
         return result

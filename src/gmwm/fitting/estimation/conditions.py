@@ -34,8 +34,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-_STEEPEST = 3.0
-"""Largest b of a link over half of the range of the condition: the shape changes by a factor of 400."""
+_STEEPEST = 3.0  # largest b of a link over half of the range of the condition: the shape changes by a factor of 400
 
 
 @dataclass(frozen=True, eq=False)

@@ -184,8 +184,7 @@ def fit(
         if varies is not None:
             raise OptionError(argument="varies", expected="left out for the axes of a recording", got=varies)
         options: dict[str, Any] = {"weighting": weighting, "robust": robust, "efficiency": efficiency}
-        options |= {"certify": certify, "start": start, "against": against}
-        options["moments"] = moments
+        options |= {"certify": certify, "start": start, "against": against, "moments": moments}
         return ResultsByAxis(results={axis: fit(model, x, rate, **options) for axis, x in signals.items()})
     terms = as_model(model)
     if start is not None and not isinstance(start, Sampled):

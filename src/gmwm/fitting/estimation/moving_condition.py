@@ -44,11 +44,6 @@ class ConditionBins:
     whole: WaveletVariance
 
     @property
-    def levels(self) -> int:
-        """Number of levels that are measured in the bins."""
-        return len(self.curves[0])
-
-    @property
     def range(self) -> tuple[float, float]:
         """Smallest and largest condition."""
         return min(float(np.min(c)) for c in self.conditions), max(float(np.max(c)) for c in self.conditions)

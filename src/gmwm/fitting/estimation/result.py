@@ -12,10 +12,9 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.frames import Tabular
 from gmwm.base.kinds import Document
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
 from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
@@ -38,8 +37,7 @@ if TYPE_CHECKING:
     from gmwm.choosing.datasheets.entry import Datasheet
     from gmwm.choosing.replicates import Replicates
 
-GIVEN = "given"
-"""Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
+GIVEN = "given"  # attribute `weighting` of a `Fit` whose parameters were given and not estimated from data
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -111,26 +111,22 @@ class Link:
         return float(np.log(rate / samples)), float(np.log(rate / 2))
 
 
-def parse_links(varies: Mapping[str, str]) -> tuple[dict[str, str], dict[str, Link]]:
-    """Divide the entries of `varies` into those of variances, such as "WN", and links by term, such as "GM.beta"."""
+def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], dict[str, Link], str]:
+    """Parse the functions of each variance, such as "WN", and the link of each shape, such as "GM.beta", by term, and
+    find the name of the condition; raises OptionError if two names differ."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
-    links = {}
+    sums: dict[str, Varies] = {}
+    links: dict[str, Link] = {}
     for key, text in varies.items():
         term, dot, name = str(key).partition(".")
-        if dot:
-            match = _POWER.fullmatch(str(text).strip())
-            if match is None or match[2]:
-                raise OptionError(argument="varies", expected=f"the name of the condition for {key}", got=text)
-            links[term] = Link(name, match[1])
-    return {key: text for key, text in varies.items() if "." not in str(key)}, links
-
-
-def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], dict[str, Link], str]:
-    """Parse the functions and the links of each term, and find the name of the condition; raises OptionError if two
-    names differ."""
-    variances, links = parse_links(varies)
-    sums = {term: Varies.parse(text) for term, text in variances.items()}
+        if not dot:
+            sums[key] = Varies.parse(text)
+            continue
+        match = _POWER.fullmatch(str(text).strip())
+        if match is None or match[2]:
+            raise OptionError(argument="varies", expected=f"the name of the condition for {key}", got=text)
+        links[term] = Link(name, match[1])
     named = [*(each.condition for each in sums.values()), *(each.condition for each in links.values())]
     names = {name for name in named if name}
     if len(names) > 1:

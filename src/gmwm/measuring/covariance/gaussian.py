@@ -151,25 +151,25 @@ class _Split:
 
     def strided(self, stride: int, design: Design) -> _Split:
         """Return the processes with lags in steps of `stride` samples."""
-        mixtures = [mixture for process in self.smooth if (mixture := _mixture(process, design))]
+        sums = [process.exponential_mixture(design.rate, design.samples) for process in self.smooth]
+        mixtures = [mixture for mixture in sums if mixture]
         return _Split(ExponentialSum.joined([self.terms, *mixtures]).strided(stride), [])
 
 
 def _split(present: list[Process], design: Design) -> _Split | None:
     """Return the processes as a sum of exponentials and smooth processes; None if the estimate is robust, a process has
     another form, or no covariance oscillates beside a smooth process: a Gauss rule then needs few nodes for all."""
-    if design.efficiency is not None:
-        return None
-    sums = [nodes.exponential_sum(process, design.rate) for process in present]
+    return None if design.efficiency is not None else _split_of(tuple(present), design.rate, design.samples)
+
+
+@lru_cache(maxsize=4)
+def _split_of(present: tuple[Process, ...], rate: float, samples: int) -> _Split | None:
+    sums = [nodes.exponential_sum(process, rate) for process in present]
     smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
     terms = ExponentialSum.joined([term for term in sums if term is not None])
-    if smooth and not terms.oscillates and all(p.memory(design.rate) == 0 for p in present):
+    if smooth and not terms.oscillates and all(p.memory(rate) == 0 for p in present):
         return None
-    return _Split(terms, smooth) if all(_mixture(process, design) for process in smooth) else None
-
-
-def _mixture(process: Process, design: Design) -> ExponentialSum | None:
-    return process.exponential_mixture(design.rate, design.samples)
+    return _Split(terms, smooth) if all(process.exponential_mixture(rate, samples) for process in smooth) else None
 
 
 def _table(process: Process, design: Design, diagonal: bool) -> _core.LagTable:

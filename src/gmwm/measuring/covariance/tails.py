@@ -33,22 +33,18 @@ from gmwm.recording.signals import Signal
 class TailLimits:
     """Limits of the measured covariance (tests/covariance/test_tails.py, docs/validation/tails.md)."""
 
-    block: int = 128
-    """Number of samples of the shortest blocks."""
+    block: int = 128  # number of samples of the shortest blocks
     block_with_lags: int = 32
     """Number of samples of the shortest blocks if there are moments at lags, which are for short series."""
     least_block_in_scales: int = 8
     """Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
     correlated."""
-    most_levels: int = 12
-    """Largest number of levels whose covariance is measured."""
-    least_blocks: int = 24
-    """Smallest number of blocks from which a covariance is measured."""
+    most_levels: int = 12  # largest number of levels whose covariance is measured
+    least_blocks: int = 24  # smallest number of blocks from which a covariance is measured
     chance: float = 3.5
     """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
     docs/validation/tails.md, as are the other constants of this module."""
-    change_by_ends: float = 0.05
-    """Largest change of λ that the ends of blocks cause."""
+    change_by_ends: float = 0.05  # largest change of λ that the ends of blocks cause
     material: float = 0.05
     """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
     standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""

@@ -20,16 +20,12 @@ from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
-from gmwm.measuring.inspection.axis_statistics import AxisStatistics
+from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_change, motion_of, still_parts
 from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
-from gmwm.measuring.inspection.motion import motion_of
-from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
-from gmwm.measuring.inspection.saturation import Ends, Saturation, saturation_of
-from gmwm.measuring.inspection.swings import swing_of
-from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import trend_of
+from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, saturation_of
+from gmwm.measuring.inspection.trends import swing_of, trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
@@ -38,8 +34,7 @@ from gmwm.recording.repairs import axes_with_two_levels, repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
-_SLOWEST = 10.0
-"""Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
+_SLOWEST = 10.0  # smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
@@ -237,11 +232,20 @@ class RecordingStatistics:
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         motions = findings.of_motion(motion, tilt if turned else None, knocks)
+        coarse = {
+            axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
+        }
+        clipped = {item.axis for item in saturations}
+        levels = {
+            axis: change
+            for axis in moving - coarse - clipped
+            if (change := level_change(statistics[axis], motion, extent)) is not None
+        }
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
-            *findings.of_steps(steps),
+            *findings.of_steps(steps), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
             *findings.of_gravity(None if parts else gravity),

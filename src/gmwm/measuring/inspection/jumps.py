@@ -12,9 +12,8 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
-from gmwm.measuring.inspection.swings import best_swing
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import FEWEST, TrendTest, longest_means
+from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
 from gmwm.measuring.inspection.wander import Likelihood
 
 if TYPE_CHECKING:
@@ -39,10 +38,8 @@ _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2)
 _MORE = 16.0
 """Additional reduction for each further jump, if several are found together: that of a place among 256 blocks, 11, and
 of a size, with a margin (validation/study_faults.py)."""
-_FIRST = 3
-"""Blocks at the beginning and the end in which a change is treated as a warm-up."""
-MOST = 10
-"""Largest number of jumps of an axis. More of them are noise, such as two levels."""
+_FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
+MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
 
 class _Jump(NamedTuple):
@@ -106,18 +103,21 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    jumps = _one_by_one(means)
+    clearest = Likelihood(means).best_step(_FIRST)
+    jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
     if not jumps:
         places, gain = _together(means)
         if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
-            jumps = _one_by_one(means, places, gain / len(places))
-    return jumps or _one_by_one(means, limits=_POSSIBLE)
+            jumps = _one_by_one(means, clearest, places, gain / len(places))
+    return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
 
 
 def _one_by_one(
-    means: Vector, places: Sequence[float] = (), gain_of_each: float = 0.0, limits: _JumpLimits = _CLEAR
-) -> list[_Jump]:
-    """Return the jumps at these places, and at further ones, each of which is clear by itself."""
+    means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0,
+    limits: _JumpLimits = _CLEAR,
+) -> list[_Jump]:  # fmt: skip
+    """Return the jumps at these places, and at further ones, each of which is clear by itself. `clearest` is the best
+    step in the means as they are."""
     base_likelihood, y, sizes = Likelihood(means), means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
@@ -126,7 +126,7 @@ def _one_by_one(
         y = np.asarray(means - sizes @ courses)
     while len(places) < MOST:
         likelihood = Likelihood(y)
-        gain, place, weights = likelihood.best_step(_FIRST)
+        gain, place, weights = likelihood.best_step(_FIRST) if places else clearest
         if (
             gain < (limits.more if places else limits.gain)
             or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain

@@ -14,6 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector
 
+_LEAST = float(np.finfo(float).tiny)
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
 """Ratios γ²/σ² of the grid. The smallest positive one is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest
 one hides the white noise."""
@@ -62,6 +63,20 @@ def grid_of(blocks: int) -> NoiseGrid:
         rest=variances_without,
         walk=walk,
     )  # fmt: skip
+
+
+def _steps(grid: NoiseGrid, places: slice) -> Matrix:
+    """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of each block."""
+    columns = grid.transform[:, places]
+    return np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
+
+
+@lru_cache(maxsize=2)
+def _steps_of(blocks: int, first: int) -> tuple[Matrix, Matrix]:
+    """Return the jumps except for the `first` and the last blocks, and Σ c²/λ (G, C) of each, which all axes share."""
+    grid = grid_of(blocks)
+    shapes = _steps(grid, slice(first - 1, blocks - first))
+    return shapes, grid.weights @ shapes**2
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
@@ -142,19 +157,19 @@ class Likelihood:
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump between or in the middle of blocks, except for the `first`
         and the last ones; its place (blocks), and the weights of the noise model."""
-        n = self.z.size
-        values = self.with_steps(np.arange(self.grid.walks.size), slice(first - 1, n - first + 1))
-        model, shape = np.unravel_index(int(np.argmin(values)), values.shape)
-        between = n - 2 * (first - 1)
+        n, grid = self.z.size, self.grid
+        shapes, squares = _steps_of(n + 1, first)
+        left = np.maximum(self._flat[:, None] - ((grid.weights * self.z) @ shapes) ** 2 / squares, _LEAST)
+        best = np.argmin(left, axis=1)
+        values = self._minus2(left[np.arange(best.size), best], grid.logs)
+        model = int(np.argmin(values))
+        shape, between = int(best[model]), n - 2 * (first - 1)
         place = first + shape if shape < between else first + shape - between + 0.5
-        gain = float(np.min(self.without().values) - values[model, shape])
-        return gain, float(place), self.grid.weights[model]
+        return float(np.min(self.without().values) - values[model]), float(place), grid.weights[model]
 
     def with_steps(self, models: Integers, places: slice) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block."""
-        columns = self.grid.transform[:, places]
-        shapes = np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
-        weights = self.grid.weights[models]
+        shapes, weights = _steps(self.grid, places), self.grid.weights[models]
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
         return self._minus2(self._flat[models][:, None] - taken, self.grid.logs[models][:, None])
 
@@ -187,7 +202,7 @@ class Likelihood:
             cross = weights @ (courses * self.z).T
             squares = squares - np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
             logs = logs + np.linalg.slogdet(gram)[1]
-        squares = np.maximum(squares, np.finfo(float).tiny)
+        squares = np.maximum(squares, _LEAST)
         return free * np.log(squares) + logs, squares / free
 
     def coefficient(self, model: int, course: Vector) -> float:
@@ -200,4 +215,4 @@ class Likelihood:
 
     def _minus2(self, squares: Matrix, logs: Matrix) -> Matrix:
         # Differences that are all equal have no variance; log 0 would be −inf in every model.
-        return np.asarray(self.z.size * np.log(np.maximum(squares, np.finfo(float).tiny)) + logs)
+        return np.asarray(self.z.size * np.log(np.maximum(squares, _LEAST)) + logs)

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.axis_results import rate_of_array, signals_of
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits, rate_of_array, signals_of
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
     CoefficientSource,
@@ -185,9 +184,10 @@ def wavelet_variance(
         _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = estimate.variance, dict(estimate.diagnostics)
-        classical = _classical(segments, wavelet, transform, levels)[0]
-        if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
-            diagnostics["robust"]["unrejected"], excess = lost
+        if estimate.isolated:
+            classical = _classical(segments, wavelet, transform, levels)[0]
+            if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
+                diagnostics["robust"]["unrejected"], excess = lost
         slope = _slope([_clip(segment) for segment in segments])
         eta = eta * efficiency
     else:

@@ -20,8 +20,7 @@ from gmwm.base.arrays import Matrix, Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
 from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS, CoefficientSource, PlainCoefficients
 
-LOG_TOLERANCE = 1e-11
-"""Predicted error of log σ² below which a level has converged."""
+LOG_TOLERANCE = 1e-11  # predicted error of log σ² below which a level has converged
 MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
 
@@ -89,11 +88,13 @@ def _isolated(source: CoefficientSource, variance: Vector) -> bool:
     times as large at level 3 as at level 1. That of knocks and of white noise with heavy tails hardly grows."""
     if variance.size < 3 or not np.all(variance[:3] > 0):
         return False
-    limits = [5 * math.sqrt(variance[k]) for k in (0, 2)]
-    first, third = (
-        int(source.counts[k]) - source.between(k, limit, limit)[0] for k, limit in zip((0, 2), limits, strict=True)
-    )
-    return first >= 10 and third / int(source.counts[2]) > 2.5 * first / int(source.counts[0])
+
+    def beyond(k: int) -> int:
+        limit = 5 * math.sqrt(variance[k])
+        return int(source.counts[k]) - source.between(k, limit, limit)[0]
+
+    first = beyond(0)
+    return first >= 10 and beyond(2) / int(source.counts[2]) > 2.5 * first / int(source.counts[0])
 
 
 def unrejected(

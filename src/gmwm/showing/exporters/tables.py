@@ -9,11 +9,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.documents import plain
 from gmwm.base.errors import DataError
 from gmwm.base.text import version
-from gmwm.base.units import SI_UNIT, find_unit, noise_unit
+from gmwm.base.units import SI_UNIT, by_sensor, find_unit, noise_unit
 from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order, number

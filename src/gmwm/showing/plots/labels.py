@@ -10,9 +10,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import OptionError
-from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, parse_unit
+from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, letter_of, noise_unit, parse_unit, sensor_of
 from gmwm.showing.plots.axes import number_text
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Parameter, Physical

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.text import duration_text
 from gmwm.base.units import datasheet_units
 from gmwm.fitting.inference.planning import CERTAIN_ERROR, Plan, as_accuracy

@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import round_fixed, version
-from gmwm.base.units import find_unit, parse_unit
+from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import model_words, rows_of

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.remarks import Dialect, Remark, Severity, texts, with_groups
 from gmwm.base.text import duration_text, list_text
+from gmwm.base.units import by_sensor
 from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
 from gmwm.calibration.recording_info import Recording

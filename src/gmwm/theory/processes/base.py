@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import fields
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 
     from gmwm.theory.processes.model import Model
 
-registry: dict[str, type[Process]] = {}
-"""All processes by name, in the order in which they are listed."""
+registry: dict[str, type[Process]] = {}  # all processes by name, in the order in which they are listed
 
 Theory = Literal[
     "wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate",
@@ -150,7 +149,7 @@ class Process(HaarTheory, ABC):
     @property
     def is_complete(self) -> bool:
         """Whether every parameter has a value."""
-        return None not in self.values.values()
+        return all(getattr(self, p.name) is not None for p in self.parameters)
 
     def value(self, name: str) -> float:
         """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
@@ -181,7 +180,12 @@ class Process(HaarTheory, ABC):
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
-        return replace(self, **values)  # type: ignore[type-var]
+        return type(self)(**{name: getattr(self, name) for name in self._fields()} | values)
+
+    @classmethod
+    @cache
+    def _fields(cls) -> tuple[str, ...]:
+        return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]
 
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:

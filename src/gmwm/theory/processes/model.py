@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.likelihood import Residuals, Tracks
     from gmwm.fitting.likelihood.tracks import Modelled
 
-MOST_TERMS = 100
-"""Largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated."""
+MOST_TERMS = 100  # largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated
 
 
 class KalmanMethods:
@@ -275,7 +274,7 @@ class Model(KalmanMethods):
             f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters if process.is_fixed(p.name)
         )
 
-    @property
+    @cached_property
     def is_complete(self) -> bool:
         """Whether every parameter has a value."""
         return all(process.is_complete for process in self.processes)
@@ -547,8 +546,8 @@ class Model(KalmanMethods):
             raise error
 
     def _require_complete(self, what: str) -> None:
-        missing = [label for label, value in self.parameters.items() if value is None]
-        if missing:
+        if not self.is_complete:
+            missing = [label for label, value in self.parameters.items() if value is None]
             raise ModelError(
                 f"the {what} of {self} needs a value for {', '.join(missing)}",
                 advice="Give the values in the model, or fit the model to data.",
@@ -558,8 +557,7 @@ class Model(KalmanMethods):
 
 write_as_text(Model, Model.parse)
 
-ModelLike = Model | Process | str
-"""Types that are accepted as a model."""
+ModelLike = Model | Process | str  # types that are accepted as a model
 
 
 def as_model(model: Any, name: str = "model") -> Model:

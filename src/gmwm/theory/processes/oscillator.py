@@ -14,7 +14,7 @@ from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
-from gmwm.theory.processes import exponential
+from gmwm.theory.processes import exponential_sum
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
@@ -101,7 +101,7 @@ class OSC(Process):
             return super().shape(nonlinear, levels, rate, filter)
         if natural.size == 1:
             return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
-        return exponential.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
+        return exponential_sum.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k)."""
@@ -220,7 +220,7 @@ def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
 def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
     """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
     h = np.ldexp(1.0, np.array(levels) - 1)
-    return freeze(exponential.oscillation_shape(np.array([damping]), np.array([turn]), h))
+    return freeze(exponential_sum.oscillation_shape(np.array([damping]), np.array([turn]), h))
 
 
 @lru_cache(maxsize=256)
