@@ -17,8 +17,7 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 
 RATE = 100.0
 WALK = gmwm.Model.parse("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-7)")

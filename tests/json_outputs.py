@@ -19,7 +19,7 @@ from typing import Any
 import jsonschema
 
 from gmwm.base.documents import REMARK
-from gmwm.cli.manual import SCHEMAS, schema
+from gmwm.cli.main import SCHEMAS, schema
 
 FOLDER = os.environ.get("GMWM_JSON_OUTPUTS")
 NAMES = re.compile(r"[a-z_][a-z0-9_]*")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gmwm.base.errors import GmwmWarning
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from tests.helpers import warns
 
 

@@ -6,7 +6,7 @@ import pytest
 import gmwm
 from gmwm import Signal
 from gmwm.measuring.inspection import inspect
-from gmwm.measuring.inspection.saturation import _loss
+from gmwm.measuring.inspection.time_grid import _loss
 from gmwm.recording.signals import Imu
 from tests.helpers import codes, only
 from validation import faults

@@ -9,10 +9,9 @@ import pytest
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.measuring.inspection import inspect
-from gmwm.measuring.inspection.axis_statistics import AxisStatistics
+from gmwm.measuring.inspection.axis_statistics import AxisStatistics, Motion
 from gmwm.measuring.inspection.findings import of_gravity, of_motion, of_rounding, of_time, of_trends, of_units
 from gmwm.measuring.inspection.knocks import knocks_of, level_length, steps_of
-from gmwm.measuring.inspection.motion import Motion
 from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gmwm.base.threads import OneAtATime, one_at_a_time
-from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
+from gmwm.measuring.spectrum.api import SpectrumAccumulator
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 
 

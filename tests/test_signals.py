@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
 from gmwm.base.time_base import TimeBase
+from gmwm.base.units import AXES
 from gmwm.recording.signals import Imu, Signal
 from tests.helpers import raises
 

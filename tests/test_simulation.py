@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm import GM, QN, RW, WN, Model, wavelet_variance
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, ModelError, OptionError
-from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.base.units import AXES, STANDARD_GRAVITY
 from gmwm.files.readers import read
 from gmwm.theory.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from tests.helpers import only, raises

@@ -15,8 +15,8 @@ from hypothesis.extra.numpy import arrays
 
 from gmwm.base import atomic_files
 from gmwm.base.atomic_files import write_text
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.units import AXES
 from gmwm.files.readers import read
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.writers import SUFFIXES, write

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 from gmwm.showing.plots.axes import quiet, signed_axis, time_axis
 from gmwm.showing.plots.figure import Figure, Panel, Polyline
 from gmwm.showing.plots.labels import axis_title

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import t
 
 from gmwm.applications.fleets.statistics_result import deviants
-from gmwm.base.random_effects import effects, prediction_limits, spread_limits
+from gmwm.base.statistics import effects, prediction_limits, spread_limits
 from validation.legend import legend
 
 NAME = "fleet"

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.applications.several.same import level_ratios
-from gmwm.base.multiple_tests import holm
+from gmwm.base.statistics import holm
 from gmwm.fitting.estimation.intervals import confidence_intervals
 from gmwm.fitting.estimation.recordings import deviations, half_widths
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm.applications.navigation.api import navigation
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 
 RADIUS, EARTH_RATE, GRAVITY = 6.371e6, 7.292115e-5, 9.81
 STEPS = np.array([1e-4] * 3 + [1.0] * 3 + [100.0] * 3)  # rad, m/s, m

@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import GmwmWarning, ReadError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.calibration.additions import ENTRY_POINTS, _registry, axis_additions, recording_additions
 from tests.helpers import only, raises
 

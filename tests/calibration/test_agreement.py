@@ -14,7 +14,7 @@ from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.calibration.agreement import _error_correlations, _shared_factors
 from gmwm.choosing.datasheets import Datasheet, Entry
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from tests.helpers import code_of, codes, only, raises
 
 TRUTH = {

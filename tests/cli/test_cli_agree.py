@@ -7,7 +7,7 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.cli.agree import names_of
-from gmwm.files.importers.quantities import parse_reference
+from gmwm.files.importers.values import parse_reference
 from gmwm.files.readers import read
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 from gmwm.files.readers import read
 from gmwm.recording.signals import Imu
 from gmwm.theory.simulation import simulate

@@ -8,7 +8,7 @@ import pytest
 import gmwm as library
 from gmwm.base.remarks import Dialect, Remark
 from gmwm.files.readers import read
-from gmwm.fitting.likelihood.summary import inference, intervals_if_known
+from gmwm.fitting.likelihood.intervals import inference, intervals_if_known
 from gmwm.measuring.regression.against import Asked
 from tests.helpers import only
 

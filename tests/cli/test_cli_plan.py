@@ -6,7 +6,7 @@ import pytest
 
 import gmwm as library
 from gmwm import Model
-from gmwm.base.durations import parse_length
+from gmwm.base.time_base import parse_length
 from gmwm.cli.plan import _as_seen, fits_in
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"

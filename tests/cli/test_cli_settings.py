@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.settings import find_settings, with_settings
+from gmwm.cli.command import find_settings, with_settings
 from gmwm.files.readers.api import read
 from tests.helpers import raises
 

@@ -13,8 +13,8 @@ import gmwm
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design, filtered, ratio_variances, variances
 from gmwm.measuring.covariance.gaussian import covariance
-from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
 from gmwm.measuring.covariance.robust import hermite_weights, ratio_skewness
+from gmwm.measuring.outliers.ratio_test import ratio_errors, ratio_law
 
 RATE = 100.0
 MODELS = ("WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=5.0, sigma2=1.0) + WN(sigma2=1.0)")

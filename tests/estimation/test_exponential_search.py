@@ -13,7 +13,7 @@ from gmwm.fitting.estimation.branch_and_bound import LIMITS, Search
 from gmwm.fitting.estimation.exponential_search import ExponentialSearch, search_of
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import weighting_matrix
-from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, exponential
+from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, exponential_sum
 from tests.oracles import exponential as twin
 
 RATE = 100.0
@@ -120,12 +120,12 @@ def test_the_kernel_is_used_where_the_search_states_an_exponential_and_the_filte
 
 def test_shapes_in_the_kernel_are_those_of_the_twin():
     decays = np.concatenate([np.geomspace(1e-200, 0.9, 60), np.geomspace(0.9, 1e4, 60)])
-    np.testing.assert_allclose(exponential.gm_shape(decays, H), twin.gm_shape(decays, H), rtol=2e-14)
-    np.testing.assert_allclose(exponential.gm_slope(decays, H), twin.gm_slope(decays, H), rtol=2e-12)
+    np.testing.assert_allclose(exponential_sum.gm_shape(decays, H), twin.gm_shape(decays, H), rtol=2e-14)
+    np.testing.assert_allclose(exponential_sum.gm_slope(decays, H), twin.gm_slope(decays, H), rtol=2e-12)
     coefficients = np.concatenate([-np.exp(-np.geomspace(1e-8, 30, 60)), [0.0], np.exp(-np.geomspace(1e-8, 30, 60))])
-    np.testing.assert_allclose(exponential.ar1_shape(coefficients, H), twin.ar1_shape(coefficients, H), rtol=2e-14)
+    np.testing.assert_allclose(exponential_sum.ar1_shape(coefficients, H), twin.ar1_shape(coefficients, H), rtol=2e-14)
     np.testing.assert_allclose(
-        exponential.ar1_slope(coefficients, H), twin.ar1_slope(coefficients, H), rtol=2e-12, atol=1e-300
+        exponential_sum.ar1_slope(coefficients, H), twin.ar1_slope(coefficients, H), rtol=2e-12, atol=1e-300
     )
 
 

@@ -13,8 +13,8 @@ from gmwm.applications.fleets.statistics import fleet_statistics, hotelling
 from gmwm.applications.fleets.statistics_result import deviants, looked_for, of_units
 from gmwm.applications.fleets.summary_text import summary
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.random_effects import between_units, effects, prediction_limits, spread_limits
 from gmwm.base.remarks import Remark, Severity
+from gmwm.base.statistics import between_units, effects, prediction_limits, spread_limits
 from tests.helpers import codes, only, raises
 
 Z = stats.norm.ppf(0.975)

@@ -11,12 +11,12 @@ import numpy as np
 
 import gmwm
 from gmwm.applications.app.session import Session
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, GmwmWarning
+from gmwm.base.time_base import parse_length
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.files.importers import given_noise
-from gmwm.files.importers.quantities import parse_reference
+from gmwm.files.importers.values import parse_reference
 from gmwm.files.readers.topics import inertial_topics
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

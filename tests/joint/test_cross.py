@@ -12,7 +12,7 @@ from gmwm.applications.several import plots
 from gmwm.applications.several.cross import LARGEST_LAG_SAMPLES, _delay, _freedom, _UnitNoise, cross
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.statistics import holm
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance import wavelet_variance
 from gmwm.recording import batches

@@ -9,9 +9,8 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood import LikelihoodFit
-from gmwm.fitting.likelihood.conditions import Regressed
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.estimator import Regressed
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.measuring.regression.against import Asked
 from tests.helpers import raises
 

@@ -10,8 +10,7 @@ from scipy.optimize import minimize
 from gmwm import Imu, Model, fit, fit_ml
 from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
 from gmwm.fitting.likelihood import LikelihoodFit
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.recording.signals import Signal
 from tests.helpers import only, raises
 from validation.likelihood import fisher_errors, most_likely

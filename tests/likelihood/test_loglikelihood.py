@@ -13,8 +13,7 @@ from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
 from gmwm import Model, Signal
 from gmwm.base import _core
 from gmwm.base.errors import DataError, MissingTheoryError
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import assemble, require_state
 from gmwm.theory.processes import every_class
 from tests.helpers import raises

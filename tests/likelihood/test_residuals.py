@@ -9,8 +9,7 @@ from statsmodels.tsa.stattools import acf
 from gmwm import Model, fit_ml
 from gmwm.base.errors import OptionError
 from gmwm.fitting.likelihood import Residuals
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from tests.helpers import raises
 
 RATE = 100.0

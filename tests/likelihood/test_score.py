@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from gmwm import Model
-from gmwm.fitting.likelihood.problem import LikelihoodProblem
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import DIFFERENCE_STEP, assemble, slopes
 from validation.likelihood import fisher_errors
 

@@ -5,7 +5,7 @@ import pytest
 
 from gmwm import wavelet_variance
 from gmwm.measuring.outliers import contamination, dependence, other_efficiency
-from gmwm.measuring.outliers.dependence import Dependence
+from gmwm.measuring.outliers.ratio_test import Dependence
 
 RATE = 100.0
 

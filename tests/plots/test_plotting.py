@@ -7,8 +7,8 @@ from importlib import metadata
 import pytest
 
 import gmwm
-from gmwm.base import guests, plotting
-from gmwm.base.differences import DifferenceTests
+from gmwm.base import extras, results
+from gmwm.base.results import DifferenceTests
 from tests.helpers import raises
 from tests.test_house import modules
 
@@ -31,13 +31,13 @@ def plot_histogram(histogram, *, colour="black"):
 @pytest.fixture
 def registry(monkeypatch):
     """A copy of the registry, which another package has not changed."""
-    monkeypatch.setattr(plotting, "_functions", dict(plotting._functions))
-    guests.admit_guests.cache_clear()
+    monkeypatch.setattr(results, "_functions", dict(results._functions))
+    extras.admit_guests.cache_clear()
     yield
-    guests.admit_guests.cache_clear()
+    extras.admit_guests.cache_clear()
 
 
-def results():
+def result_classes():
     """Classes of gmwm that inherit from `Plotted`; the bases of results are no results."""
     for name in modules():
         __import__(name)
@@ -46,13 +46,13 @@ def results():
         pending += (children := pending.pop().__subclasses__())
         classes += children
     # The example of `register` defines a class too.
-    ours = [kind for kind in classes if kind.__module__.startswith("gmwm.") and kind.__module__ != plotting.__name__]
+    ours = [kind for kind in classes if kind.__module__.startswith("gmwm.") and kind.__module__ != results.__name__]
     return [kind for kind in ours if not any(issubclass(other, kind) for other in ours if other is not kind)]
 
 
 @pytest.mark.slow
 def test_every_result_has_a_plot_and_every_registered_type_exists():
-    classes = results()
+    classes = result_classes()
     assert {gmwm.Fit, gmwm.Signal, gmwm.Calibration} <= set(classes)
     for kind in classes:
         assert kind.plot.__doc__.startswith("Draw "), kind
@@ -80,7 +80,7 @@ def test_another_package_registers_a_function():
 def test_an_entry_point_registers_a_function(monkeypatch):
     group = "gmwm.plots"
     entry = metadata.EntryPoint(f"{__name__}.Histogram", f"{__name__}:plot_histogram", group)
-    monkeypatch.setattr(guests, "entry_points", lambda *, group: [entry] if group == entry.group else [])
+    monkeypatch.setattr(extras, "entry_points", lambda *, group: [entry] if group == entry.group else [])
     monkeypatch.setitem(sys.modules, __name__, inspect.getmodule(plot_histogram))
     assert Histogram().plot() == "8 samples in black"
 

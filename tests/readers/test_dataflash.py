@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
+from gmwm.base.units import AXES
 from gmwm.files.formats import dataflash
 from gmwm.files.readers import find_reader, read, stream
 from tests.helpers import only, raises

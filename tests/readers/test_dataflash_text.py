@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
-from gmwm.files.formats import dataflash_text
+from gmwm.base.units import AXES
+from gmwm.files.formats import dataflash
 from gmwm.files.readers import find_reader, read, stream
 from tests.helpers import only, raises
 
@@ -33,7 +33,7 @@ def written(folder, lines):
 
 
 def test_two_sensors_among_other_messages(tmp_path, monkeypatch):
-    monkeypatch.setattr(dataflash_text, "CHUNK_ROWS", 90)
+    monkeypatch.setattr(dataflash, "CHUNK_ROWS", 90)
     lines = [text for k in range(ROWS) for text in (line(k), f"ATT, {k}, 0.1, 0.2, 0.3", line(k, 1))]
     path = written(tmp_path, lines)
     assert find_reader(path).name == "ardupilot text"

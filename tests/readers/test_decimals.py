@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import ReadError
-from gmwm.files.formats.stamp_parts import find_parts
+from gmwm.files.formats.line_forms import find_parts
 from tests.helpers import codes, only, raises
 
 RATE, SIZE = 100, 300

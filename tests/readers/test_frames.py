@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.units import AXES
 from gmwm.recording.signals import Imu
 from tests.helpers import raises, warns
 

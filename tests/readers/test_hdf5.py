@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, MissingDependencyError, ReadError, UnitError
+from gmwm.base.units import AXES
 from gmwm.files.formats import arrays
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.readers import find_reader, read

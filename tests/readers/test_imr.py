@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, ReadError
 from gmwm.base.remarks import Quantity
+from gmwm.base.units import AXES
 from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 

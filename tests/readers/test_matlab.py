@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, ReadError, UnitError
+from gmwm.base.units import AXES
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.readers import find_reader, read
 from tests.helpers import device, only, raises

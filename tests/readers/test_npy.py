@@ -7,9 +7,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, ReadError, TimeBaseWarning
 from gmwm.base.remarks import Quantity
+from gmwm.base.units import AXES
 from gmwm.files.formats import arrays
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.formats.npy import PicklesError

@@ -13,8 +13,8 @@ from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.contract import Mark, Reader, find_reader
 from gmwm.files.formats import arrays, parquet, text, waypoint
 from gmwm.files.readers import interpretation, parts, stream
+from gmwm.files.readers.interpretation import of_file
 from gmwm.files.readers.parts import PartReader
-from gmwm.files.readers.reading_warnings import of_file
 from gmwm.files.readers.streams import Stream
 from tests.helpers import only, raises
 from tests.readers.test_imr import imr

@@ -9,7 +9,7 @@ import pytest
 import gmwm
 from gmwm.base.errors import ReadError
 from gmwm.files.formats import parquet, text
-from gmwm.files.readers import interpretation, temperature
+from gmwm.files.readers import builder, interpretation
 from tests.helpers import code_of, only, raises
 
 ROWS = 9000
@@ -113,7 +113,7 @@ def test_lost_samples_and_gaps_have_the_temperature_of_the_others(tmp_path):
 
 @pytest.mark.slow
 def test_readings_that_are_far_apart_are_held(tmp_path, monkeypatch):
-    monkeypatch.setattr(temperature, "MOST_ROWS_APART", 2000)
+    monkeypatch.setattr(builder, "MOST_ROWS_APART", 2000)
     values = readings("few")
     imu = both(written(tmp_path, table(temperature=values)))
     assert np.all(imu.temperature[:3000] == values[3000])

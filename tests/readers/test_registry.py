@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.files import contract
 from gmwm.files.readers import Channel, Layout, Reader, Rows, find_reader, read, register, registered

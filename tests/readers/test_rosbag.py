@@ -10,9 +10,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES
 from gmwm.files.readers import find_reader, read
 from tests.helpers import only, raises
 from tests.readers.rosbag_files import (

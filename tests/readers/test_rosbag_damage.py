@@ -14,8 +14,8 @@ import pytest
 from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
 from gmwm.files.formats import bagfiles
 from gmwm.files.formats.bag_mcap import McapStorage
-from gmwm.files.formats.bag_types import definition
 from gmwm.files.formats.bagfiles import Topic, decompress
+from gmwm.files.formats.cdr import definition
 from gmwm.files.readers import read
 from tests.helpers import raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written

@@ -6,7 +6,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 import gmwm
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 from gmwm.files.readers import read, stream
 from tests.helpers import codes, device
 from tests.readers.rosbag_files import START, STEP, header, imu, numbers, store_of, written

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, GmwmError, OptionError, ReadError
+from gmwm.base.units import AXES
 from gmwm.files.formats import ulog as ulog_module
-from gmwm.files.formats import ulog_messages
 from gmwm.files.formats.ulog import UlogReader
 from gmwm.files.readers import find_reader, read
 from tests.helpers import code_of, device, raises
@@ -220,7 +219,7 @@ def test_blocks_of_any_size_give_the_same_numbers(file, monkeypatch):
     file.write_bytes(whole_log())
     expected = read(file)
     for block in (1 << 10, 4001, 70_000):
-        monkeypatch.setattr(ulog_messages, "_BLOCK", block)
+        monkeypatch.setattr(ulog_module, "_BLOCK", block)
         found = gmwm.stream(file, chunk=333)
         assert [remark.code for remark in found.remarks] == [remark.code for remark in expected.remarks]
         samples = list(found.samples())
@@ -234,7 +233,7 @@ def test_blocks_of_any_size_give_the_same_numbers(file, monkeypatch):
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_log(file, monkeypatch):
     """The temperatures of a sensor at full rate are thinned; both passes hold one block."""
-    monkeypatch.setattr(ulog_messages, "_BLOCK", 1 << 16)
+    monkeypatch.setattr(ulog_module, "_BLOCK", 1 << 16)
     monkeypatch.setattr(ulog_module, "_MOST_TEMPERATURES", 1 << 8)
     peaks = []
     for samples in (4000, 16_000):

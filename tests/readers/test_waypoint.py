@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import pytest
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
+from gmwm.base.units import AXES
 from gmwm.files.formats import waypoint
 from gmwm.files.readers import find_reader, read
 from gmwm.recording.imu_records import TYPES, counts

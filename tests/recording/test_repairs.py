@@ -6,9 +6,8 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
-from gmwm.recording.repairs.levels import two_levels_of
+from gmwm.recording.repairs.patterns import modulus_of, two_levels_of
 from gmwm.recording.repairs.repeats import repeats_of
-from gmwm.recording.repairs.wraps import modulus_of
 from tests.helpers import codes, only
 
 RATE = 100.0

@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import Imu, Signal
-from gmwm.recording.repairs.resampled import slower_rate
+from gmwm.recording.repairs.patterns import slower_rate
 from tests.helpers import only
 from validation import faults
 

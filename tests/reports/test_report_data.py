@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base import guests
+from gmwm.base import extras
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.showing.plots.axes import signed_axis, time_axis, value_axis
@@ -388,14 +388,14 @@ def test_another_package_adds_a_section(monkeypatch):
 
     entry = metadata.EntryPoint("drift", "somewhere:drift_section", "gmwm.reports")
     monkeypatch.setattr(type(entry), "load", lambda self: drift_section)
-    monkeypatch.setattr(guests, "entry_points", lambda *, group: [entry] if group == entry.group else [])
+    monkeypatch.setattr(extras, "entry_points", lambda *, group: [entry] if group == entry.group else [])
     calibration = gmwm.calibrate(gmwm.simulate({"gyro_x": "WN(sigma2=1)"}, rate=100.0, samples=2000, rng=1), "WN")
-    for registry in (guests.admit_guests, report_content._registry):
+    for registry in (extras.admit_guests, report_content._registry):
         registry.cache_clear()
     try:
         data = report_data(calibration)
     finally:
-        for registry in (guests.admit_guests, report_content._registry):
+        for registry in (extras.admit_guests, report_content._registry):
             registry.cache_clear()
     assert data["sections"]["drift"]["title"] == "Drift <b>"
     text = page(data)

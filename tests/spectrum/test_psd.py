@@ -10,7 +10,7 @@ from scipy.signal import welch
 from gmwm import Imu, Signal, psd
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.spectrum import PowerSpectra, PowerSpectrum, SpectrumAccumulator
-from gmwm.measuring.spectrum.accumulate import BUFFERED_SAMPLES
+from gmwm.measuring.spectrum.api import BUFFERED_SAMPLES
 from tests.helpers import raises
 
 RATE = 100.0

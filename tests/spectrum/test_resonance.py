@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm import WN, psd
-from gmwm.measuring.spectrum.resonance import resonance_of
+from gmwm.measuring.spectrum.narrow import resonance_of
 from gmwm.theory.processes.oscillator import OSC
 
 RATE, SAMPLES = 100.0, 360_000

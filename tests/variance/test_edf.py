@@ -5,7 +5,7 @@ import pytest
 
 from gmwm.base import _core
 from gmwm.base.errors import OptionError
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.allan import total_degrees_of_freedom, total_variance
 from gmwm.measuring.variance.noise_type import degrees_of_freedom
 from tests.helpers import raises

@@ -96,7 +96,7 @@ def test_degrees_of_freedom_of_long_and_of_very_short_segments():
 
 def test_limits_hold_the_pooled_degrees_of_freedom():
     found = wavelet_variance(signal(THREE_GAPS))
-    again = gmwm.measuring.confidence_limits.chi_square_limits(found.variance, found.degrees_of_freedom, 0.95)
+    again = gmwm.measuring.axis_results.chi_square_limits(found.variance, found.degrees_of_freedom, 0.95)
     np.testing.assert_allclose([found.lower, found.upper], again, rtol=1e-12)
 
 

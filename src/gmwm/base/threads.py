@@ -1,22 +1,29 @@
 """Parallel work in threads, its cancellation, locks of objects, and the memory that is left. Threads are enough,
-because the kernels release Python's global interpreter lock."""
+because the kernels release Python's global interpreter lock.
+
+The threads of Polars do not exist in a forked process, so a call there would never return; an error is raised instead.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import os
+import re
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar, copy_context
 from functools import cache, wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gmwm.base.errors import GmwmError, OptionError
+from gmwm.base.errors import GmwmError, OptionError, ReadError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -136,3 +143,43 @@ def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenat
             return method(self, *args, **options)
 
     return call
+
+
+_used = _lost = False
+
+
+def _before_fork() -> None:
+    global _used
+    _used = _used or _pool_runs()
+
+
+def _after_fork() -> None:
+    global _lost
+    _lost = _lost or _used
+
+
+def _pool_runs() -> bool:
+    """Return whether this process has a thread of the pool of Polars, started by other code; known on Linux only."""
+    if "polars" in sys.modules:
+        for task in Path("/proc/self/task").glob("*/comm"):
+            with suppress(OSError):  # the thread has ended
+                if re.match(r"polars-\d", task.read_text(errors="replace")):
+                    return True
+    return False
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_child=_after_fork)
+
+
+def require_threads(path: object) -> None:
+    """Require that Polars has its threads in this process, and note that it is used."""
+    global _used
+    _used = True
+    if _lost:
+        raise ReadError(
+            f"{path} cannot be read or written in a process that was forked after Polars was used: Polars, which reads "
+            "and writes text and Parquet, would never end",
+            code="unsupported",
+            advice="Start the processes with `multiprocessing.get_context('spawn')`, or use the file before the fork.",
+        )

@@ -1,24 +1,22 @@
-"""Units of angular rate, of specific force and of their noise coefficients, with the factors to SI units.
-
-Inside the package all numbers are in SI (rad/s, m/s²) and per sample. Units appear only in signals, labels, readers and
-writers.
-"""
+"""Units of quantities and their conversion to SI units, and the names of the axes."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, cast
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import MISSING_SAMPLES, Vector
-from gmwm.base.errors import DataError, UnitError
+from gmwm.base.errors import DataError, OptionError, UnitError
 
 __all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
+
 
 Quantity = Literal["gyro", "accel"]
 
@@ -64,8 +62,7 @@ _UNITS = (
     Unit("µg", "accel", STANDARD_GRAVITY / 1e6),
 )
 
-SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}
-"""The SI unit of each quantity."""
+SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity
 
 IMPOSSIBLE = 1e12
 """Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
@@ -286,3 +283,46 @@ def datasheet_units(si: str) -> dict[str, float]:
     ['m/s/√h', 'µg/√Hz']
     """
     return {name: 1 / size for name, size in _PRINTED.get(si, ())}
+
+
+T = TypeVar("T")
+
+AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+"""The names of the six axes of an IMU, in the order in which they are shown."""
+
+
+def sensor_of(axis: str) -> str:
+    """Return the sensor of an axis; "" if its name has none.
+
+    >>> sensor_of("gyro_x"), sensor_of("temperature")
+    ('gyro', '')
+    """
+    return axis.rpartition("_")[0]
+
+
+def letter_of(axis: str) -> str:
+    """Return the direction of an axis, x, y or z; the whole name if it has no sensor.
+
+    >>> letter_of("gyro_x")
+    'x'
+    """
+    return axis.rpartition("_")[2]
+
+
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """Return the values of axes, grouped by sensor.
+
+    >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
+    {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
+    """
+    sensors: dict[str, dict[str, T]] = {}
+    for axis, value in axes.items():
+        sensors.setdefault(sensor_of(axis), {})[axis] = value
+    return sensors
+
+
+def axis_quantity(axis: str) -> Quantity:
+    """Return the quantity that an axis measures, "gyro" or "accel". Sensors of an array may have numbers: gyro_1."""
+    if axis not in AXES and not (sensor_of(axis) in ("gyro", "accel") and letter_of(axis).isdecimal()):
+        raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
+    return "gyro" if axis.startswith("gyro") else "accel"

@@ -7,15 +7,14 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation.result import Fit
     from gmwm.recording.signals import Signal
 
-GROUP = "gmwm.additions"
-"""Group of the entry points through which other packages register additions."""
+GROUP = "gmwm.additions"  # group of the entry points through which other packages register additions
 ENTRY_POINTS = (
     "gmwm.applications.several.cross:SharedNoiseAddition",
     "gmwm.applications.monitor.baseline:BaselineAddition",

@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Matrix
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.multiple_tests import holm
+from gmwm.base.statistics import holm
+from gmwm.base.units import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration
@@ -22,19 +22,17 @@ from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
 from gmwm.choosing.datasheets.bias import SYMBOL as BIAS
 from gmwm.choosing.selection.structure import slow_terms
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_size
 from gmwm.theory.processes.model import Model
 
-_SLOW = ("R",)
-"""Symbols of the datasheet numbers that depend on the slow terms of a model."""
+_SLOW = ("R",)  # symbols of the datasheet numbers that depend on the slow terms of a model
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
 on a logarithmic scale."""
 
-_SHARED = ("N", "K")
-"""Symbols of the numbers that are also tested for all axes of a sensor together: those of a filter."""
+_SHARED = ("N", "K")  # symbols of the numbers that are also tested for all axes of a sensor together: those of a filter
 _Z = NormalDist().inv_cdf(0.975)
 
 Tested = TypeVar("Tested", SharedNumber, SensorFactors)
@@ -184,6 +182,9 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         pairs = [(e, s) for e, s in zip(entries, axis_sheets, strict=True) if e is not None and s is not None]
         first = pairs[0][0]
         alike = _alike(symbol, [s.model for s in axis_sheets if s is not None])
+        frequencies = [entry.frequency for entry, _ in pairs if entry.frequency is not None]
+        # Two peaks within a tenth of their frequency are the same one: a mount moves a resonance by less.
+        alike = alike and (not frequencies or max(frequencies) < 1.1 * min(frequencies))
         usable = [(entry, _quantile(sheet)) for entry, sheet in pairs if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""

@@ -44,7 +44,7 @@ from gmwm.recording.batches import Streamed
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -172,8 +172,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
 T = TypeVar("T")
 Item = TypeVar("Item")
 
-Data = Imu | Signal | Streamed | Mapping[str, AxisInput]
-"""Data of one recording."""
+Data = Imu | Signal | Streamed | Mapping[str, AxisInput]  # data of one recording
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
 

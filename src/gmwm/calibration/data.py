@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.units import SI_UNIT, find_unit
+from gmwm.base.units import SI_UNIT, find_unit, sensor_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.variance.result import WaveletVariance
@@ -24,10 +23,8 @@ _MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
 
 Curve = WaveletVariance | tuple[WaveletVariance, WaveletVariance]
 """A curve that a user gives for an axis, or the classical and the robust curve."""
-AxisInput = Signal | Curve
-"""What a user can give for an axis: its samples, or curves."""
-Part = Imu | Streamed
-"""Axes of a recording that were sampled at the same times."""
+AxisInput = Signal | Curve  # what a user can give for an axis: its samples, or curves
+Part = Imu | Streamed  # axes of a recording that were sampled at the same times
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +125,8 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
             advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray) else advice,
         )
     for axis, item in items.items():
-        if not isinstance(item, Signal | WaveletVariance | None) and not _is_pair(item):
+        pair = isinstance(item, tuple) and len(item) == 2 and all(isinstance(wv, WaveletVariance) for wv in item)
+        if not pair and not isinstance(item, Signal | WaveletVariance | None):
             raise OptionError(
                 f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
                 argument="data",
@@ -142,11 +140,6 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
         if item is not None:
             _check_unit(axis, item[0].unit if isinstance(item, tuple) else item.unit)
     return chosen
-
-
-def _is_pair(item: object) -> bool:
-    """Return whether an item is a pair of curves."""
-    return isinstance(item, tuple) and len(item) == 2 and all(isinstance(wv, WaveletVariance) for wv in item)
 
 
 def _check_unit(axis: str, unit: str) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import MissingTheoryError
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
-from gmwm.base.text import duration_text, round_text
+from gmwm.base.statistics import holm
+from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
@@ -25,7 +25,8 @@ from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.theory.filters import find_filter
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -60,8 +61,7 @@ describe the data (tests/calibration/test_misfit.py)."""
 
 SMALL_OUTLIER_SHARE = 0.01
 """Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
@@ -296,12 +296,12 @@ def _excess(verdict: Verdict) -> dict[str, Fact]:
 
 def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it. The
-    power of a line is named by its frequency, as in tables."""
+    power of an oscillation is named by its frequency, as in tables."""
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
-        f"{term}.{process.scale_parameter().name}": f"line {round_text(abs(line[1]) * fit.wavelet_variance.rate, 3)} Hz"
+        f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
-        if (line := process.line(fit.wavelet_variance.rate)) is not None
+        if process.oscillation() is not None
     }
     parameters = tuple(lines.get(name, name) for name in needed)
     seconds = sorted(math.inf if length is None else length for length in needed.values())

@@ -38,7 +38,7 @@ from gmwm.measuring.outliers import (
     dependence,
     other_efficiency,
 )
-from gmwm.measuring.outliers.screening import NOTHING_REPLACED
+from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.spectrum import Line, PowerSpectrum

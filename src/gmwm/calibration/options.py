@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import ModelError, OptionError, ReadError
+from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
@@ -16,8 +16,7 @@ from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
 """Advice of the error if a document is not a calibration or is incomplete."""
-SEARCHED = "auto"
-"""Default of `within`: gmwm searches for the model, as `gmwm.selection.search` describes."""
+SEARCHED = "auto"  # default of `within`: gmwm searches for the model, as `gmwm.selection.search` describes
 _SINCE = {"gravity": None, "tilt": None, "warmup": "omit", "repeated": "auto"}
 """Options that files of older versions do not have, and their defaults."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")

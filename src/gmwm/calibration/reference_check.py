@@ -9,18 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Literal
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.text import Summarised, round_text, table_with_rule
-from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit
+from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import wrap_text
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
-from gmwm.files.importers.quantities import as_reference
+from gmwm.files.importers.values import as_reference
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

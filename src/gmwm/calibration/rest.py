@@ -9,12 +9,12 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
-from gmwm.base.random_effects import confidence_of_mean, effects, spread_limits
+from gmwm.base.statistics import confidence_of_mean, effects, spread_limits
 from gmwm.base.text import duration_text
+from gmwm.base.units import sensor_of
 from gmwm.calibration.averaging import weighted_candidates
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording

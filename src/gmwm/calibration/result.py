@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, ReadError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, Severity
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording

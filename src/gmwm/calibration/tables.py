@@ -14,8 +14,7 @@ from gmwm.measuring.variance.allan_regression import LAWS
 if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Entry
 
-SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
-"""Headings of the tables, by sensor."""
+SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}  # headings of the tables, by sensor
 
 
 def merge_names(lists: Sequence[Sequence[str]]) -> list[str]:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gmwm.base.durations import parse_length
+from gmwm import Calibration
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, calibration_file, plot_file, progress
 from gmwm.cli.read_options import names_of
-from gmwm.files.importers.quantities import parse_reference
-
-if TYPE_CHECKING:
-    from gmwm import Calibration
+from gmwm.files.importers.values import parse_reference
 
 EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",

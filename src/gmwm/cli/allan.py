@@ -175,7 +175,7 @@ def _draw(
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its intervals and noise types."""
-    from gmwm.base.axis_names import by_sensor
+    from gmwm.base.units import by_sensor
     from gmwm.showing.plots.allan import cluster_view
 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}

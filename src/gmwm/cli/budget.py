@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gmwm.applications.navigation import LATITUDE
-from gmwm.base.durations import parse_length
+from gmwm.applications.navigation import LATITUDE, Budget
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
+from gmwm.cli.model_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, file_names, plot_file
-
-if TYPE_CHECKING:
-    from gmwm.applications.navigation import Budget
 
 EXAMPLES = (
     "gmwm budget results/calibration.json --duration 60s",

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gmwm.base.atomic_files import write_bytes
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.extras import is_installed
 from gmwm.base.helpers import Helpers
 from gmwm.base.helpers import helpers as helpers_of
 from gmwm.base.remarks import Dialect, Remark
+from gmwm.base.units import sensor_of
 from gmwm.calibration.data import require_axes
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import SEARCHED, CalibrationOptions

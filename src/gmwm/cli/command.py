@@ -1,20 +1,90 @@
-"""Decorator that turns a function that returns an Outcome into a shell command."""
+"""Decorator that turns a function that returns an Outcome into a shell command, and the settings of a project.
+
+The settings are `gmwm.toml`, or the table [tool.gmwm] of `pyproject.toml`, for options of commands.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Any, get_type_hints
 
+from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.extras import library
+from gmwm.base.text import counted
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
-from gmwm.cli.settings import with_settings
 from gmwm.recording.options import ReadOptions
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+OPTIONS = ("rate", "units", "columns", "scale", "increments", "mount", "format", "topic")
+"""Options that describe the files of a logger. All others belong to one recording or one run."""
+
+
+def with_settings(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the options of a command, in which those that are not given have the values of the settings of a folder or
+    of the next folder above it that has settings. A line on stderr states the values that are used."""
+    path, settings = find_settings(folder)
+    used = {name: value for name, value in settings.items() if options.get(name, value) is None}
+    if used:
+        texts = ", ".join(f"--{name} {value}" for name, value in used.items())
+        print(f"note: {counted(len(used), 'option')} of {path}: {texts}", file=sys.stderr)
+    return {**options, **used}
+
+
+def find_settings(folder: Path) -> tuple[Path | None, dict[str, Any]]:
+    """Return the path and the content of the settings of a folder, or of the next folder above it that has settings."""
+    for place in (folder, *folder.parents):
+        for path, table in ((place / "gmwm.toml", ()), (place / "pyproject.toml", ("tool", "gmwm"))):
+            if path.is_file():
+                content: Any = _toml(path, required=not table)
+                for key in table:
+                    content = content.get(key, {}) if isinstance(content, Mapping) else {}
+                if content or not table:
+                    return path, _checked(path, content)
+    return None, {}
+
+
+def _toml(path: Path, *, required: bool) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except (OSError, ValueError) as error:
+        if not required:  # the file of another program
+            return {}
+        raise ReadError(f"{path} is not TOML: {error}", advice="Correct the file.") from error
+
+
+def _checked(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values as a command line has them: lists and tables become texts."""
+    unknown = [name for name in content if name not in OPTIONS]
+    if unknown:
+        raise OptionError(f"{path} has the unknown key {unknown[0]!r}", advice=f"The keys are {', '.join(OPTIONS)}.")
+    rate = content.get("rate", 1.0)
+    if not isinstance(rate, int | float) or isinstance(rate, bool):
+        raise OptionError(f"{path}: rate must be a number in Hz; got {rate!r}")
+    return {name: float(value) if name == "rate" else _text(value) for name, value in content.items()}
+
+
+def _text(value: Any) -> str:
+    """Return a value as the text of an option.
+
+    >>> _text({"gyro": "deg/s", "accel": "g"}), _text(["time", "gyro_x"])
+    ('gyro=deg/s,accel=g', 'time,gyro_x')
+    """
+    if isinstance(value, Mapping):
+        return ",".join(f"{key}={item}" for key, item in value.items())
+    return ",".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from gmwm.base.durations import parse_length
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.noise_source import NoiseText, calibration_in, noise_of
+from gmwm.cli.model_source import NoiseText, calibration_in, noise_of
 from gmwm.cli.options import Plot, ResultOption
 from gmwm.cli.output import Outcome, file_names, plot_file, progress
 from gmwm.cli.read_options import Axes, File, chosen_names, load

@@ -44,8 +44,7 @@ def convert(
     whole nanoseconds and no temperature. An .imu file holds increments as integer counts, whose size depends on the
     type of its records, and no temperature.
     """
-    from gmwm.recording.mcap_writer import MCAP
-    from gmwm.recording.writers import RECORDS
+    from gmwm.recording.writers import MCAP, RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
         raise OptionError(f"FILE and OUT are the same file, {output}", argument="output", got=str(output))

@@ -7,12 +7,13 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from gmwm.base.remarks import Dialect
 from gmwm.base.text import TEXT_WIDTH
+from gmwm.calibration import Calibration
 from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
@@ -23,11 +24,8 @@ from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
 from gmwm.cli.output import Outcome, file_names, make_directory, progress, table_text
 from gmwm.measuring.inspection.result import text as inspection_text
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
-    from gmwm.recording.signals import Imu
-    from gmwm.theory.processes.model import Model
+from gmwm.recording.signals import Imu
+from gmwm.theory.processes.model import Model
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
@@ -73,10 +71,7 @@ def demo(
     say(summary(calibration, Dialect.SHELL))
     document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)
     rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
-    files = (
-        *calibration_files(calibration, output, document=document, text=text, plots=plots),
-        *kalibr.files,
-    )
+    files = (*calibration_files(calibration, output, document=document, text=text, plots=plots), *kalibr.files)
     return Outcome(
         command="demo",
         document={

@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict
 
 import typer
 
 from gmwm.base.atomic_files import read_json
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length
+from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.model_source import GivenText, read_given
 from gmwm.cli.options import ResultOption, named_as_options
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
 
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",
@@ -215,7 +213,7 @@ class KalibrFile:
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
-    from gmwm.base.axis_names import sensor_of
+    from gmwm.base.units import sensor_of
     from gmwm.showing.exporters import export as exported
 
     target, remarks = folder / "imu.yaml", []

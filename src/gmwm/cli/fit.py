@@ -12,7 +12,8 @@ import typer
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fit_conditions, require_unused
-from gmwm.cli.likelihood_output import (
+from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
+from gmwm.cli.model_source import (
     LIKELIHOOD,
     LikelihoodResult,
     asked_again,
@@ -20,8 +21,7 @@ from gmwm.cli.likelihood_output import (
     likelihood_fits,
     likelihoods_text,
 )
-from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
+from gmwm.cli.model_source import as_dict as likelihood_as_dict
 from gmwm.cli.options import (
     AgainstOption,
     Efficiency,
@@ -327,7 +327,7 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.base.axis_names import by_sensor
+    from gmwm.base.units import by_sensor
     from gmwm.calibration.tables import wrap_text
     from gmwm.fitting.estimation.summary import intervals_if_known
 

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, plot_file, progress, text_file
 from gmwm.cli.read_options import Axes, chosen_names
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm fuse array.csv --output virtual.csv --plot virtual.png",
@@ -118,7 +116,7 @@ def _scales(text: str) -> float | tuple[float, float]:
 
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
     """Read the recordings of all units, with the chosen axes."""
-    from gmwm.files.readers.unit_array import read_units
+    from gmwm.files.readers.api import read_units
     from gmwm.recording.signals import Imu
 
     with progress(f"reading {files[0].name}"):

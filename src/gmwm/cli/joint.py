@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.options import Plot

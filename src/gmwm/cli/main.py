@@ -1,15 +1,17 @@
-"""The command `gmwm`, the names and the help of its subcommands, and the entry point of the script."""
+"""The command `gmwm`, the names and the help of its subcommands, its manual page, and the entry point of the script."""
 
 from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
@@ -17,8 +19,9 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from gmwm.base.documents import DIALECT
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.helpers import end_helpers
 from gmwm.base.template import Dialect
 from gmwm.cli.output import one_line
@@ -299,8 +302,6 @@ def _print_version(wanted: bool) -> None:
 
 def _print_manual(context: typer.Context, wanted: bool) -> None:
     if wanted:
-        from gmwm.cli.manual import manual
-
         print(manual(context), end="")
         raise typer.Exit
 
@@ -309,13 +310,11 @@ def _print_schema(name: str | None) -> None:
     if name is not None:
         import json
 
-        from gmwm.cli.manual import schema
-
         print(json.dumps(schema(name), indent=1))
         raise typer.Exit
 
 
-_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, of calibration.json or session.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
@@ -337,12 +336,10 @@ def _gmwm(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     man: Annotated[
-        bool,
-        typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -."),
+        bool, typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -.")
     ] = False,
     schema: Annotated[
-        str | None,
-        typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP),
+        str | None, typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP)
     ] = None,
 ) -> None:
     """Print the help if no command is given."""
@@ -388,3 +385,75 @@ def run(on_interrupt: Any = signal.default_int_handler) -> None:
             signal.signal(number, signal.SIG_DFL)
         if on_interrupt is signal.default_int_handler:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+SCHEMAS = Path(__file__).with_name("schemas.json")
+"""Made from the JSON that the commands print in the tests: `python -m tests.json_outputs`."""
+
+
+def schema(name: str) -> dict[str, Any]:
+    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of the files
+    calibration.json and session.json."""
+    if name == "calibration.json":
+        from gmwm.calibration.result import Calibration
+
+        return Calibration.schema()
+    if name == "session.json":
+        from gmwm.applications.app.session import Session
+
+        return Session.schema()
+    schemas = json.loads(SCHEMAS.read_text(encoding="utf-8"))
+    if name not in schemas:
+        raise OptionError(
+            argument="schema", expected=f"one of calibration.json, session.json, {', '.join(schemas)}", got=name
+        )
+    return {"$schema": DIALECT, "title": f"gmwm {name}", **schemas[name]}
+
+
+def manual(context: Any) -> str:
+    """Return the manual page as troff source: the description, and each command with its options and examples."""
+    from gmwm import __version__
+
+    program = context.command
+    title, *paragraphs = program.help.split("\n\n")
+    lines = [
+        f'.TH GMWM 1 "" "gmwm {__version__}" "User Commands"', ".SH NAME", f"gmwm \\- {_escaped(title)}",
+        ".SH SYNOPSIS", ".B gmwm", r"\fICOMMAND\fR [\fIOPTIONS\fR]", ".SH DESCRIPTION",
+        *_paragraphs(paragraphs), *_options(program, context), ".SH COMMANDS",
+    ]  # fmt: skip
+    for name in program.list_commands(context):
+        lines += _command(program.get_command(context, name), context)
+    return "\n".join(lines) + "\n"
+
+
+def _command(command: Any, parent: Any) -> Iterator[str]:
+    context = type(parent)(command, info_name=command.name, parent=parent)
+    usage = " ".join(command.collect_usage_pieces(context))
+    yield f".SS {_escaped(f'gmwm {command.name} {usage}')}"
+    yield from _paragraphs((command.help or "").split("\n\n"))
+    yield from _options(command, context)
+    heading, *examples = (command.epilog or "").split("\n\n")
+    if examples:
+        yield from (".PP", _escaped(heading), ".nf", *(f"  {_escaped(example)}" for example in examples), ".fi")
+
+
+def _options(command: Any, context: Any) -> Iterator[str]:
+    for parameter in command.get_params(context):
+        names, text = parameter.get_help_record(context) or ("", "")
+        if names:
+            yield from (".TP", rf"\fB{_escaped(names)}\fR", _escaped(one_line(text)))
+
+
+def _paragraphs(texts: list[str]) -> Iterator[str]:
+    for text in texts:
+        yield from (".PP", _escaped(one_line(text)))
+
+
+def _escaped(text: str) -> str:
+    """Escape what troff would interpret: backslashes, hyphens, and a dot or an apostrophe at the start of a line.
+
+    >>> print(_escaped(".imu with --json"))
+    \\&.imu with \\-\\-json
+    """
+    escaped = text.replace("\\", r"\e").replace("-", r"\-")
+    return rf"\&{escaped}" if escaped.startswith((".", "'")) else escaped

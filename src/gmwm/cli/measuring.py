@@ -1,12 +1,21 @@
-"""Open recordings in memory or in chunks, and compute their wavelet variances, if needed in parallel processes."""
+"""Open recordings in memory or in chunks, and compute their wavelet variances, if needed in parallel processes.
+
+Input for commands that read a text file or standard input while it is being written.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
 
 from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Remark
 from gmwm.cli.options import InputOption, ParallelOption
 from gmwm.cli.output import progress, tell
 from gmwm.cli.read_options import chosen_axes, chosen_names, load, names_of
@@ -14,10 +23,12 @@ from gmwm.measuring.regression.against import NONE, Asked
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
+    from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe, Lines
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.regression.conditions import Conditions
     from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.recording.signals import Imu, Signal
+
 
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
@@ -185,3 +196,53 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     for remark in inspection.remarks:
         tell(remark)
     return conditions
+
+
+Idle = Annotated[
+    str | None,
+    typer.Option(
+        help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
+        metavar="LENGTH",
+    ),
+]
+
+
+@contextmanager
+def growing_source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
+    """Open a growing file, or standard input for "-", and yield its reader and its name."""
+    from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe
+
+    if file != "-" and not Path(file).is_file():
+        problem = "is not a file" if Path(file).exists() else "does not exist"
+        raise OptionError(
+            f"{file} {problem}", argument="file", got=file,
+            advice="Pass a text file that is being written, or - for standard input.",
+        )  # fmt: skip
+    take = GrowingPipe(sys.stdin.buffer) if file == "-" else GrowingFile(Path(file))
+    try:
+        yield take, Path("standard input" if file == "-" else file)
+    finally:
+        take.close()
+
+
+def remarks_on_end(take: GrowingFile | GrowingPipe, name: Path, lines: Lines) -> tuple[Remark, ...]:
+    """Return remarks if reading ended because of a problem, or if the last line was incomplete."""
+    remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
+    return (*remarks, *([Remark.of("last-line", str(name), case="left-out")] if lines.rest else []))
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns whether Ctrl-C was pressed. A second Ctrl-C raises KeyboardInterrupt."""
+    pressed = False
+
+    def note(*_: Any) -> None:
+        nonlocal pressed
+        pressed = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: pressed
+    finally:
+        signal.signal(signal.SIGINT, before)

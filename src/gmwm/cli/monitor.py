@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
+from gmwm.cli.model_source import GivenText, read_given
 from gmwm.cli.options import Json, ResultOption
 from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
 from gmwm.cli.read_options import Axes, chosen_names, names_of

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import typer
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, ModelError, OptionError
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT
 from gmwm.measuring.regression.against import Asked
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight
 from gmwm.recording.options import as_confidence

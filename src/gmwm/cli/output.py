@@ -214,19 +214,8 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
 def table_text(
     columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", texts: int = 1, rules: Sequence[int] = ()
 ) -> str:
-    """Format a table with column headings. The table is as wide as its contents: no cell is wrapped or truncated.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Headings.
-    rows : sequence of rows, each a sequence of str
-    title : str
-    texts : int
-        Number of left-aligned columns, which hold text. The other columns hold numbers and are right-aligned.
-    rules : sequence of int
-        Indices of the rows below which a horizontal line is drawn.
-    """
+    """Format a table with column headings, as wide as its contents: no cell is wrapped or truncated. The first `texts`
+    columns hold text and are left-aligned, the others numbers. A horizontal line is drawn below each row in `rules`."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

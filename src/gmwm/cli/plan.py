@@ -10,12 +10,12 @@ import typer
 
 from gmwm.base.arrays import Integers
 from gmwm.base.atomic_files import read_json
-from gmwm.base.durations import parse_length, parse_share
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length, parse_share
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.model_source import GivenText, read_given
 from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, plot_file, progress, tell
 

@@ -6,20 +6,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.options import InputOption
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal
 
 File = Annotated[
     Path,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, axes_together, measure_together, memory_for, open_together
@@ -25,13 +26,10 @@ from gmwm.cli.options import (
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, optional_plots, text_file
 from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
+from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    from gmwm.choosing.selection import Ranking
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Signal
-    from gmwm.theory.processes.model import Model
+from gmwm.recording.signals import Signal
+from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     'gmwm select static.csv --axis gyro_y --within "3*GM + WN + QN + RW"',

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.noise_source import GivenText, read_given
+from gmwm.cli.model_source import GivenText, read_given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 

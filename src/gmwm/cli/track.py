@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
+from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.base.durations import parse_length, parse_share
 from gmwm.base.errors import FitWarning, GmwmError, OptionError
 from gmwm.base.remarks import Remark
-from gmwm.cli.command import command
-from gmwm.cli.growing_source import Idle, growing_source, interruptible, remarks_on_end
+from gmwm.base.time_base import parse_length, parse_share
+from gmwm.cli.command import command, with_settings
+from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
 from gmwm.cli.options import Datasheet, Json
 from gmwm.cli.output import Outcome
 from gmwm.cli.read_options import Axes, Columns, Increments, Mount, Rate, ReadOptionTexts, Scale, Units, chosen_names
-from gmwm.cli.settings import with_settings
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
@@ -81,8 +80,8 @@ def whole_text(
     datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
     """Format the complete status: a table of deviations for each sensor, and a table of estimates for each axis."""
-    from gmwm.base.axis_names import by_sensor
     from gmwm.base.text import duration_text
+    from gmwm.base.units import by_sensor
     from gmwm.cli.output import table_text
     from gmwm.showing.plots.labels import view_of
 

@@ -130,7 +130,7 @@ def _draw(
 
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
-    from gmwm.base.axis_names import by_sensor
+    from gmwm.base.units import by_sensor
     from gmwm.showing.plots.labels import view_of
 
     sensors = by_sensor(results)

@@ -18,14 +18,12 @@ from typing import Any, ClassVar, TypeVar
 from numpy.typing import NDArray
 
 from gmwm.base.errors import OptionError, ReadCode, ReadError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.base.text import defined_anew
 
-CHUNK_ROWS = 1 << 16
-"""Number of rows of a text in a chunk, which take 4 MB for six axes."""
-HEAD_BYTES = 1 << 16
-"""Number of bytes at the beginning of a file that readers use to recognise the format."""
+CHUNK_ROWS = 1 << 16  # number of rows of a text in a chunk, which take 4 MB for six axes
+HEAD_BYTES = 1 << 16  # number of bytes at the beginning of a file that readers use to recognise the format
 
 Rows = Mapping[int, NDArray[Any]]
 """Consecutive rows: the index of each wanted column, and its numbers (float64 or int64)."""

@@ -1,4 +1,7 @@
-"""Results of the same kind for the axes of a recording."""
+"""Results of the same kind for the axes of a recording.
+
+Confidence limits of a variance by the chi-square rule.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.base.arrays import as_rate
+from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised
 from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu
 
 T = TypeVar("T")
@@ -129,3 +133,14 @@ def rate_words(rate: float, unit: str) -> str:
     ('at 100 Hz', 'with rate=1, so times count samples')
     """
     return f"at {rate:g} Hz" if unit or rate != 1 else "with rate=1, so times count samples"
+
+
+def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
+    """Return the lower and upper limits of variances V with η degrees of freedom, by the chi-square rule (Percival
+    1995): η V / q_{(1 + c)/2} and η V / q_{(1 − c)/2}, with the quantiles q_p of χ²_η and the confidence c. Raises
+    OptionError if `confidence` is not a number from 0.5 to below 1."""
+    from scipy.special import gammaincinv
+
+    half = freedom / 2
+    tail = (1 - as_confidence(confidence)) / 2
+    return variance * half / gammaincinv(half, 1 - tail), variance * half / gammaincinv(half, tail)

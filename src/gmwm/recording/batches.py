@@ -15,11 +15,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
 
@@ -66,26 +65,13 @@ class Streamed(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Consecutive samples of all axes of a recording, with the gaps between them.
+    """Consecutive samples of all axes of a recording, with the gaps between them."""
 
-    Attributes
-    ----------
-    signals : mapping of axis to Signal
-        Samples of each axis.
-    first : int
-        Number of the first sample in the recording, from 0.
-    continues : bool
-        Whether no sample is missing between this batch and the previous one.
-    temperature : (n,) array or None
-        Temperature (°C), if the recording has one.
-    parted : frozenset of str
-        Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only.
-    """
-
-    signals: Mapping[str, Signal]
-    first: int = 0
-    continues: bool = False
-    temperature: Vector | None = None
+    signals: Mapping[str, Signal]  # samples of each axis
+    first: int = 0  # number of the first sample in the recording, from 0
+    continues: bool = False  # whether no sample is missing between this batch and the previous one
+    temperature: Vector | None = None  # (n,) temperature (°C), if the recording has one
+    # Axes that do not continue although the batch does: a gap before the batch was filled on the other axes only
     parted: frozenset[str] = frozenset()
 
     def continues_on(self, axis: str) -> bool:
@@ -111,17 +97,8 @@ class Batch:
 
 
 class Segments:
-    """The segments of a recording, from its batches in order.
-
-    Attributes
-    ----------
-    ranges : list of (first, last)
-        Index ranges without a gap.
-    starts : list of float
-        Time of the first sample of each range (s).
-    gaps_known : bool
-        Whether the lengths of the gaps are known.
-    """
+    """The segments of a recording, from its batches in order: index ranges without a gap, the time of the first sample
+    of each (s), and whether the lengths of the gaps are known."""
 
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
@@ -158,18 +135,9 @@ def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
 
 
 class Batches:
-    """The batches of a recording, which can be iterated over several times.
-
-    A recording that is one batch is read only once. Samples that were added to the file after the first iteration are
-    left out.
-
-    Parameters
-    ----------
-    recording : Imu or Streamed
-        A recording in memory or in chunks.
-    done : callable, optional
-        Function that is called with the number of samples so far, after each chunk.
-    """
+    """The batches of a recording, in memory or in chunks, which can be iterated over several times. A recording that is
+    one batch is read only once. Samples that were added to the file after the first iteration are left out. `done` is
+    called with the number of samples so far, after each chunk."""
 
     def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
         self.recording, self._done = recording, done

@@ -46,31 +46,16 @@ class Chunk:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Consecutive samples of a recording, with the gaps between them.
+    """Consecutive samples of a recording, with the gaps between them."""
 
-    Attributes
-    ----------
-    values : mapping of axis name to (n,) array
-        Samples of each axis (rad/s or m/s²).
-    rate : float
-        Samples per second (Hz).
-    first : int
-        Number of the first sample in the recording, from 0.
-    segment : int
-        Number of the segment of the first sample, from 0.
-    runs : tuple of (sample, time)
-        Number and time (s) of the first sample of each segment. The first segment may have begun before the sample
-        `first`.
-    temperature : (n,) array or None
-        Temperature (°C), if the recording has one.
-    """
-
-    values: Mapping[str, Vector]
-    rate: float
-    first: int
-    segment: int
+    values: Mapping[str, Vector]  # samples of each axis (rad/s or m/s²)
+    rate: float  # samples per second (Hz)
+    first: int  # number of the first sample in the recording, from 0
+    segment: int  # number of the segment of the first sample, from 0
+    # Number and time (s) of the first sample of each segment. The first segment may have begun before the sample
+    # `first`
     runs: tuple[tuple[int, float], ...]
-    temperature: Vector | None = None
+    temperature: Vector | None = None  # (n,) temperature (°C), if the recording has one
 
     def __len__(self) -> int:
         return int(next(iter(self.values.values())).size)

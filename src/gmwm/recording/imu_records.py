@@ -13,31 +13,20 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES
+from gmwm.base.units import AXES
 
-PREFIX = "imu:"
-"""Prefix of a type in the `format` option."""
+PREFIX = "imu:"  # prefix of a type in the `format` option
 
 _ARCSECOND = math.pi / 180 / 3600
 
 
 @dataclass(frozen=True)
 class RecordType:
-    """A type of .imu file.
+    """A type of .imu file."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the sensor.
-    word : "i4" or "f8"
-        Type of the six increments: 32-bit counts (records of 32 bytes) or doubles (56 bytes).
-    gyro, accel : float
-        Size of one count, in rad and m/s.
-    """
-
-    name: str
-    word: Literal["i4", "f8"]
-    gyro: float
+    name: str  # name of the sensor
+    word: Literal["i4", "f8"]  # type of the six increments: 32-bit counts (records of 32 bytes) or doubles (56 bytes)
+    gyro: float  # size of one count, in rad and m/s
     accel: float
 
     @property
@@ -73,18 +62,11 @@ TYPES = (
 
 
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
-    """Round increments to whole counts and carry each remainder over to the next increment.
+    """Round increments (N,) to whole counts of size `unit`, and carry each remainder over to the next increment.
 
     The count k is n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where v are the increments, u is the size of
     a count and [·] is the nearest integer. The error of the sum of the counts is at most half a count. Increments that
     are whole counts do not change.
-
-    Parameters
-    ----------
-    values : (N,) array
-        Increments v, in the unit of `unit`.
-    unit : float
-        Size of one count, u.
 
     >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
     array([0, 1, 0, 1])

@@ -10,17 +10,15 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm.base.arrays import as_rate
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.units import LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
+from gmwm.base.units import AXES, LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 from gmwm.recording.time_ranges import kept_ranges
 
 Gaps = Literal["keep", "longest"]
 BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """A mapping of axis to column name or index, or a sequence of the axes in the order of the columns."""
-ROLES = (*AXES, "time", "temperature")
-"""Roles that a column of a file can have."""
+ROLES = (*AXES, "time", "temperature")  # roles that a column of a file can have
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 

@@ -22,8 +22,7 @@ class StepSearch:
     uneven: float = 0.05
     """Largest deviation of the differences between values from multiples of the step, in steps
     (tests/test_inspection.py)."""
-    whole: float = 1e-3
-    """Largest distance of a value from a whole count, in counts."""
+    whole: float = 1e-3  # largest distance of a value from a whole count, in counts
     samples_of_value: int = 20
     """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others
     is then missing."""
@@ -206,20 +205,13 @@ def _is_float32_rounding(levels: Vector, step: float) -> bool:
 
 
 def before_rounding(runs: list[Vector], step: float) -> float:
-    """Return the standard deviation of the noise before it was rounded to multiples of a step.
+    """Return the standard deviation of the noise before it was rounded to multiples of a step, from runs of consecutive
+    samples without outliers.
 
-    Within a run of consecutive samples, the mean hardly changes. If the output spreads over several steps, rounding
-    adds the variance step²/12 (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise
-    whose probabilities of the rounded values agree best with the counts of all runs (maximum likelihood); each run has
-    its own mean. Runs of equal samples are left out if they are fewer than half of the runs, because a sensor or a
-    logger may hold a value.
-
-    Parameters
-    ----------
-    runs : list of arrays
-        Runs of consecutive samples without outliers.
-    step : float
-        Quantization step.
+    Within a run, the mean hardly changes. If the output spreads over several steps, rounding adds the variance step²/12
+    (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise whose probabilities of the
+    rounded values agree best with the counts of all runs (maximum likelihood); each run has its own mean. Runs of equal
+    samples are left out if they are fewer than half of the runs, because a sensor or a logger may hold a value.
 
     >>> rng = np.random.default_rng(0)
     >>> runs = [np.round(rng.normal(0.3, 0.25, 256)) for _ in range(20)]

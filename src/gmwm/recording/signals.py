@@ -14,14 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
-from gmwm.base.units import SI_UNIT, Quantity, parse_unit, require_measurable
+from gmwm.base.units import AXES, SI_UNIT, Quantity, axis_quantity, parse_unit, require_measurable
 from gmwm.recording.chunks import Samples
 from gmwm.recording.time_ranges import cut, kept_ranges
 
@@ -362,7 +360,7 @@ class Imu(Plotted, Tabular):
         >>> Imu.from_arrays(clock)
         Imu(gyro_x: 8 samples at 50 Hz, 0.16 s)
         """
-        from gmwm.files.readers.frames import is_table, read_table
+        from gmwm.files.readers.api import is_table, read_table
 
         if is_table(arrays) and not segments:
             return read_table(arrays, rate, units, source)

@@ -38,15 +38,7 @@ def cut(
 
 
 class Trimmer:
-    """Keeps the samples of a recording that lie in ranges of time.
-
-    Parameters
-    ----------
-    kept : sequence of (from, to)
-        Ranges of time (s) from the first sample, in order.
-    rate : float
-        Samples per second (Hz).
-    """
+    """Keeps the samples of a recording that lie in ranges of time (s) from the first sample, in order."""
 
     def __init__(self, kept: Sequence[tuple[float, float]], rate: float) -> None:
         self._kept, self._rate, self._clock = kept, rate, _Elapsed(rate)
@@ -199,17 +191,8 @@ def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
-    """Return the time base of the part that is kept, which begins `left` seconds after the start of the recording.
-
-    Parameters
-    ----------
-    base : TimeBase
-        Time base of the whole recording.
-    starts, sizes : sequence of float, of int
-        Time of the first sample (s) and number of samples of each segment.
-    left : float
-        Time left out before the first sample (s).
-    """
+    """Return the time base of the part of a recording that is kept, from the time of the first sample (s) and number of
+    samples of each segment. It begins `left` seconds after the start of the recording."""
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))
     steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]

@@ -428,8 +428,6 @@ _TABLES: dict[str, _FilterTable] = {
 }
 # fmt: on
 
-FILTERS = tuple(_TABLES)
-"""Names of the filters that need no further library."""
+FILTERS = tuple(_TABLES)  # names of the filters that need no further library
 
-HAAR = find_filter("haar")
-"""The Haar filter. Twice its wavelet variance is the Allan variance."""
+HAAR = find_filter("haar")  # the Haar filter. Twice its wavelet variance is the Allan variance

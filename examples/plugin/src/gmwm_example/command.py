@@ -7,7 +7,7 @@ from typing import Annotated
 
 from gmwm.options import ReadOptions
 
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.cli.command import command
 from gmwm.cli.options import ResultOption
 from gmwm.cli.output import NewFile, Outcome, table_text

@@ -17,12 +17,11 @@ import gmwm
 from gmwm.applications.app.folders import Folders
 from gmwm.applications.app.session import Session
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.base.axis_names import by_sensor, sensor_of
 from gmwm.base.errors import GmwmError
 from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads, stoppable
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, by_sensor, sensor_of
 from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure

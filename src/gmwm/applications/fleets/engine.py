@@ -39,13 +39,12 @@ from gmwm.applications.fleets.unit_job import (
     lost_outcome,
     write_table,
 )
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import GmwmError, GmwmWarning, OptionError
 from gmwm.base.helpers import Helper, Helpers, new_helper
 from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress, reported, warn
 from gmwm.base.threads import INTERRUPT_CHECK, processors
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.files.readers import find_reader
 from gmwm.measuring.regression.against import AUTO

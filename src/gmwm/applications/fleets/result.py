@@ -15,8 +15,8 @@ from gmwm.applications.fleets.unit_job import PART, RUN_AGAIN, Row, UnitOptions,
 from gmwm.base.atomic_files import read_json, write_text
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.lazy import polars
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import Summarised, printable, version
 from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION

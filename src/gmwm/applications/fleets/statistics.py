@@ -23,11 +23,10 @@ from gmwm.applications.fleets.statistics_result import (
     looked_for,
 )
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import DataError
 from gmwm.base.lazy import polars, scipy
-from gmwm.base.multiple_tests import holm
-from gmwm.base.random_effects import effects, prediction_limits, spread_limits
+from gmwm.base.statistics import effects, holm, prediction_limits, spread_limits
+from gmwm.base.units import sensor_of
 from gmwm.calibration.tables import in_order
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence, as_size

@@ -10,12 +10,12 @@ import numpy as np
 
 from gmwm.applications.fleets.summary_text import statistics_text
 from gmwm.base.arrays import Integers, Matrix, Vector
-from gmwm.base.axis_names import sensor_of
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.lazy import polars, scipy
-from gmwm.base.random_effects import effects
 from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import effects
+from gmwm.base.units import sensor_of
 
 LEAST_UNITS_FOR_OUTLIERS = 8
 """Least units for a search for outliers; tests/fleets/test_statistics.py checks the false alarms."""

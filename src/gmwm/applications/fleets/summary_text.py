@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
-from gmwm.base.units import datasheet_units
+from gmwm.base.units import datasheet_units, letter_of, sensor_of
 from gmwm.calibration.tables import SENSORS, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS

@@ -15,10 +15,10 @@ from typing import Any
 
 from gmwm.base.atomic_files import written_whole
 from gmwm.base.errors import GmwmError, GmwmWarning, ReadError
-from gmwm.base.forks import require_threads
 from gmwm.base.lazy import polars as pl
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import counted, printable
+from gmwm.base.threads import require_threads
 from gmwm.calibration.calibrate_recordings import calibrate_recording
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import CalibrationOptions

@@ -14,9 +14,9 @@ from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate
 from gmwm.base.documents import plain_fields
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.time_base import parse_length
 from gmwm.calibration.additions import AxisAddition
 from gmwm.files.readers.streams import Stream
 from gmwm.fitting.estimation.result import Fit

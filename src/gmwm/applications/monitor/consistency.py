@@ -20,7 +20,8 @@ from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.results import Plotted, register
+from gmwm.base.statistics import autocorrelation
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
@@ -28,7 +29,6 @@ from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, TRUE_CLAIM, Us
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
-from gmwm.recording.autocorrelation import autocorrelation
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases
@@ -37,8 +37,7 @@ from gmwm.showing.exporters.reduction import AxisNoise, Number
 from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW, WN
 
 WIDEST_INTERVAL = 2.0
 """Largest ratio of the limits of an interval that decides. A filter that claims half of its error is then detected.

@@ -14,10 +14,9 @@ import numpy as np
 from gmwm.applications.monitor import Event, Trace
 from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 from gmwm.base.atomic_files import write_text
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.text import duration_text, version
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.choosing.datasheets.effective import TRUE_CLAIM
 from gmwm.showing.plots.axes import even_axis, limits_of, quiet, time_axis, time_unit, value_axis
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, Text, drawing
@@ -102,7 +101,9 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         Polyline(times, real, OBSERVED, label="Real error", layer=3),
     ]
     y = value_axis(limits_of(np.concatenate([claimed, real])), f"Error of the mean ({view.unit or 'unit of the data'})")
-    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(Text(axis.verdict, 0.5, 0.94),))
+    at = ", ".join(duration_text(error.horizon) for error in axis.errors if error.verdict == axis.verdict)
+    text = Text(f"{axis.verdict} at {at}", 0.5, 0.94)
+    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(text,))
 
 
 @drawing

@@ -14,7 +14,7 @@ from gmwm.applications.monitor.axis import Event
 from gmwm.applications.monitor.baseline import chunks_of
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.plotting import Plotted, register
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import counted, duration_text
 from gmwm.files.readers.streams import Stream
 from gmwm.recording.chunks import Chunk

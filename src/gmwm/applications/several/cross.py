@@ -25,8 +25,8 @@ from gmwm.applications.several.result import CrossCovariance, SharedNoise
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.lazy import scipy
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.statistics import holm
 from gmwm.base.threads import in_threads
 from gmwm.calibration.additions import RecordingAddition
 from gmwm.calibration.findings import TEST_SIZE

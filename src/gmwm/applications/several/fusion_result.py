@@ -19,14 +19,13 @@ from numpy.typing import ArrayLike
 from gmwm.applications.several.matrices import synchronous_signals
 from gmwm.applications.several.state_space import factor
 from gmwm.base.arrays import Integers, Matrix, Vector
-from gmwm.base.axis_names import AXES
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
-from gmwm.base.frames import Tabular
 from gmwm.base.lazy import polars, scipy
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, duration_text, table_with_rule
+from gmwm.base.units import AXES
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace

@@ -20,8 +20,8 @@ from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted, register
 from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.likelihood.tracks import Tracks

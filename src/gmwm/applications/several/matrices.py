@@ -20,9 +20,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector, as_rate, as_vector
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.measuring.covariance import gaussian, nodes
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design

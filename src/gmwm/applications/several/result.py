@@ -12,10 +12,9 @@ import numpy as np
 from gmwm.applications.several.matrices import AxisPairs
 from gmwm.base.arrays import FrozenArrays, Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
-from gmwm.base.frames import Tabular
 from gmwm.base.lazy import polars
-from gmwm.base.plotting import Plotted, register
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
 
 _BY_PAIR = ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")

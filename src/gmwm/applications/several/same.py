@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import as_rate, as_vector
-from gmwm.base.differences import Difference
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.frames import Tabular
 from gmwm.base.lazy import polars
-from gmwm.base.multiple_tests import holm
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
+from gmwm.base.results import Difference, Tabular
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, table_with_rule
 from gmwm.choosing.replicates.comparison import (
     LevelRatio,

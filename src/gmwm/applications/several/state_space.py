@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import DataError, OptionError
-from gmwm.fitting.likelihood.record import Record, as_record
+from gmwm.fitting.likelihood.problem import Record, as_record
 from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, RATES_ALIKE, Tracks, wanders
 from gmwm.recording.signals import Imu, Signal

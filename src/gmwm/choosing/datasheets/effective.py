@@ -93,8 +93,7 @@ TRUE_CLAIM = (0.8, 1.3)
 """Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
 tests/exporters/test_quality.py."""
 
-WHITE, WALK = 0.5, -0.5
-"""Powers of time in the units of N and K."""
+WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
 _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
 
@@ -271,8 +270,8 @@ def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     best filter can be another one, which tracks noise that the filter of the estimate averages, or the reverse."""
     stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
     if (use, z) not in stored:
-        ratio = curve_ratio(fit)
-        stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
+        ratio, ((numbers, _), _) = curve_ratio(fit), _numbers(fit, use)
+        stored[use, z] = [_at(fit, use, ratio, end, near=numbers) for end in FitCurve.of(fit).ends(z)]
     return stored[use, z]
 
 
@@ -291,7 +290,7 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
 
 def _at(
     fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None,
-    near: FilterPrediction | None = None,
+    near: FilterNumbers | None = None,
 ) -> FilterNumbers:  # fmt: skip
     """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
@@ -300,7 +299,15 @@ def _at(
     # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
     # tests/test_effective_noise.py.
     slowest = wv.samples / 10.0
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, near=near)
+    alike = near is not None and all(_has_resonances_of(process, new) for process, new in moved.items())
+    prediction = near.prediction if near is not None and alike else None
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, near=prediction)
+
+
+def _has_resonances_of(process: Process, other: Process) -> bool:
+    """Return whether a process is accurate at the frequencies of a quadrature for another one of its kind. One shape
+    parameter does not move a resonance."""
+    return len(process.nonlinear_parameters()) < 2 or bool(np.array_equal(process.nonlinear, other.nonlinear))
 
 
 @dataclass(frozen=True)
@@ -328,10 +335,10 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     if use not in stored:
         ratio = curve_ratio(fit)
         numbers = _at(fit, use, ratio)
-        of_model = numbers if ratio is None else _at(fit, use, None)
+        of_model = numbers if ratio is None else _at(fit, use, None, near=numbers)
         try:
             ratios = () if ratio is None else ratio.moved()
-            moved = [_at(fit, use, each, near=numbers.prediction) for each in ratios]
+            moved = [_at(fit, use, each, near=numbers) for each in ratios]
             errors = _errors(FitCurve.of(fit), numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
@@ -352,8 +359,7 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.rate):
             return np.zeros(2)
-        # A process with one shape parameter has no resonance that moves away from the frequencies of the quadrature.
-        near = numbers.prediction if process in processes or len(process.nonlinear_parameters()) < 2 else None
+        near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
         return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
 from gmwm.fitting.likelihood.system import is_ramp
@@ -26,8 +26,7 @@ _FIRST = 1e-14
 closed form."""
 _COARSE, _FINE = 4.0, 2**0.25
 """Ratios of the ends of a panel at low frequencies, and above `_RESONANT`, where the spectrum may have resonances."""
-_RESONANT = 0.01
-"""Angular frequency (rad per sample) above which the panels are narrow enough to detect resonances."""
+_RESONANT = 0.01  # angular frequency (rad per sample) above which the panels are narrow enough to detect resonances
 _PERIODS = 76
 """Number of periods 2π/n of the mean of n samples that have a panel of their own. Above, the part of the error that
 oscillates with frequency is left out, because its integral is negligible."""
@@ -99,16 +98,18 @@ class FilterPrediction:
 
     def error(self, gain: FilterGain) -> tuple[float, float]:
         """Return the mean square of the prediction error (u²), and its derivative with respect to ln(w Δt)."""
-        g, keep = gain.g, gain.keep
-        fixed = _fixed(self.theta.tobytes(), self.samples)
-        inverse = 1 / (g + keep * fixed.difference)
-        remainder = fixed.mean + keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
-        slope = fixed.difference * inverse**2
-        square = np.abs(remainder) ** 2 + 2 * np.real(fixed.left_out * np.conj(fixed.start + g * inverse))
-        change = 2 * np.real((fixed.left_out - remainder) * np.conj(slope))
-        lag = (self.samples + 1) / 2 + keep / g
+        square, change = _responses(self.theta.tobytes(), self.samples, gain)
+        lag = (self.samples + 1) / 2 + gain.keep / gain.g
         error = float(square @ self.mass) + self.ramp * lag**2
-        return error, (float(change @ self.mass) - 2 * self.ramp * lag / g**2) * gain.slope
+        return error, (float(change @ self.mass) - 2 * self.ramp * lag / gain.g**2) * gain.slope
+
+    def slopes_on_grid(self, slowest: float) -> tuple[Vector, Vector]:
+        """Return a grid of ln(w Δt), and the derivatives of the error there; see `best_gain`."""
+        grid, gains, changes = _on_grid(self.theta.tobytes(), self.samples, slowest)
+        lags, g = (self.samples + 1) / 2 + gains[1] / gains[0], gains[0]
+        # A product with the matrix would round otherwise than `error`, which decides at a root on the grid.
+        sums = np.array([change @ self.mass for change in changes])
+        return grid, (sums - 2 * self.ramp * lags / g**2) * gains[2]
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,27 @@ class _GainFree:
     left_out: np.ndarray
 
 
+def _responses(theta: bytes, samples: int, gain: FilterGain) -> tuple[Vector, Vector]:
+    """Return |G − H|² at angular frequencies, and its derivative with respect to g."""
+    fixed = _fixed(theta, samples)
+    inverse = 1 / (gain.g + gain.keep * fixed.difference)
+    remainder = fixed.mean + gain.keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
+    slope = fixed.difference * inverse**2
+    square = np.abs(remainder) ** 2 + 2 * np.real(fixed.left_out * np.conj(fixed.start + gain.g * inverse))
+    return np.asarray(square), np.asarray(2 * np.real((fixed.left_out - remainder) * np.conj(slope)))
+
+
+@lru_cache(maxsize=4)
+def _on_grid(theta: bytes, samples: int, slowest: float) -> tuple[Vector, Matrix, Matrix]:
+    """Return a grid of ln(w Δt), g, 1 − g and the slope of each gain (3, n), and the derivatives of |G − H|² (n, m),
+    which the predictions of one recording share."""
+    count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
+    grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
+    gains = [FilterGain(math.exp(u)) for u in grid]
+    changes = np.array([_responses(theta, samples, gain)[1] for gain in gains])
+    return grid, np.array([(gain.g, gain.keep, gain.slope) for gain in gains]).T, changes
+
+
 @lru_cache(maxsize=32)
 def _fixed(theta: bytes, samples: int) -> _GainFree:
     angle = np.frombuffer(theta)
@@ -263,8 +285,7 @@ def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> NDArray[np.float64]:
     return np.stack([theta, weights, weights * spectrum(theta.ravel()).reshape(theta.shape)])
 
 
-SLOWEST_FILTER_SAMPLES = 1e10
-"""Default of the longest time constant 1/w of a filter, in samples."""
+SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a filter, in samples
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
 
@@ -301,8 +322,8 @@ def filter_numbers(
     of the second condition is the error that the filter states. The formulas are for T far above the sampling interval
     Δt. The code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of
     its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of
-    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process is
-    unknown.
+    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process
+    is unknown.
 
     >>> import gmwm
     >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
@@ -330,9 +351,7 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
     def slope(u: float) -> float:
         return prediction.error(FilterGain(math.exp(u)))[1]
 
-    count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
-    grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
-    slopes = np.array([slope(u) for u in grid])
+    grid, slopes = prediction.slopes_on_grid(slowest)
     gains = [
         FilterGain(math.exp(scipy.optimize.brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
         for k in np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0))

@@ -18,8 +18,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.reweighting import REWEIGHTED
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.noise import WN
-from gmwm.theory.processes.walk import RW
+from gmwm.theory.processes.noise import RW, WN
 
 
 def variance_limit(

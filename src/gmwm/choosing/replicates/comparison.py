@@ -11,10 +11,10 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.errors import DataError
 from gmwm.base.lazy import scipy
-from gmwm.base.multiple_tests import holm
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design

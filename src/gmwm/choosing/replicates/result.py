@@ -12,11 +12,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from gmwm.base.differences import Difference
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import GmwmError
-from gmwm.base.random_effects import effects, prediction_limits, spread_limits
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Difference
+from gmwm.base.statistics import effects, prediction_limits, spread_limits
 from gmwm.base.text import TEXT_WIDTH, list_text, p_relation, round_text, table_with_rule
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.choosing.datasheets.entry import significant
@@ -32,8 +32,7 @@ from gmwm.theory.processes.model import Model
 
 SIZE = 0.05
 """Significance level of the test that the recordings of an axis are equal (docs/validation/recordings.md)."""
-MAIN = ("N", "B", "K", "Q")
-"""Symbols of the parameters that a remark names. Tables contain all parameters."""
+MAIN = ("N", "B", "K", "Q")  # symbols of the parameters that a remark names. Tables contain all parameters
 Use = Literal["mean", "high"]
 """Noise that a filter assumes: the mean over the recordings, or the highest that a further recording may have."""
 
@@ -212,7 +211,7 @@ class Replicates(RecordingComparison):
         rows = [["", *self.recordings, "together", "spread"]]
         for number in self.numbers:
             unit = number.pooled.units[0]
-            title = number.symbol if unit == "1" else f"{number.symbol} ({unit})"
+            title = number.pooled.name if unit == "1" else f"{number.pooled.name} ({unit})"
             values = ["" if entry is None else _short(entry) for entry in number.entries.values()]
             rows.append([title, *values, _short(number.pooled), spread_text(number)])
         return rows
@@ -266,8 +265,7 @@ def _short(entry: Entry) -> str:
     return significant(value, 3)
 
 
-CONFIDENCE = 0.95
-"""Confidence level of the limits of the spread, and of the prediction for a further recording."""
+CONFIDENCE = 0.95  # confidence level of the limits of the spread, and of the prediction for a further recording
 
 
 def compare_recordings(fit: Fit) -> Replicates | None:

@@ -15,9 +15,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError, ModelError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised, align, counted, p_relation, p_text, round_fixed
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.bootstrap import DRAWS
@@ -372,7 +371,7 @@ class Ranking(Plotted, Tabular):
         lines += align([head, *rows], right=range(2, len(head) - 1), indent="")
         if more := len(self.distinct) - len(rows):
             lines.append(f"… and {more} more")
-        lines += ["* recommended, = as good as the best model", ""]
+        lines += ["* recommended, = equivalent to the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
         # Largest number of characters in a line of the remarks.
         return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])

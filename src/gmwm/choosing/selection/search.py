@@ -40,11 +40,10 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import QN, RW, WN
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.sinusoid import SIN
-from gmwm.theory.processes.walk import RW
 
 SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmwm.base.axis_names import by_sensor
+from gmwm.base.units import by_sensor
 from gmwm.choosing.selection.api import REJECTED
 from gmwm.choosing.selection.ranking import Candidate, Ranking, SearchStep
 from gmwm.choosing.selection.search import ModelChoice

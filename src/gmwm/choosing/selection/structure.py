@@ -17,11 +17,10 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
 from gmwm.theory.processes.model import Model, ModelLike, as_model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import DR, QN, WN
 from gmwm.theory.processes.ordered import find_class
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.sinusoid import SIN
-from gmwm.theory.processes.walk import DR
 
 LEAST_DRIFT_SHARE = 0.1
 """If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot

@@ -22,14 +22,18 @@ from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SampleLosses, find_losses, resolution_of
-from gmwm.files.clock.stamp_order import ClockSteps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.files.clock.time_stamps import (
+    ClockSteps,
     SegmentStarts,
     Timing,
     about_stamps,
     as_stamps,
     calendar_unit,
+    in_order,
+    nominal_interval,
     require_countable,
+    require_span,
+    without_steps_back,
 )
 
 BLOCK, MARGIN = 1 << 20, 1 << 16

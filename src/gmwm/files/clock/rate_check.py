@@ -15,8 +15,7 @@ from gmwm.base.remarks import Quantity
 class RateComparison:
     """Limits at which a recording has two rates, or time stamps out of order (test_steady.py, test_timebase.py)."""
 
-    block: int = 64
-    """Smallest number of intervals in a block, over which the jitter of single time stamps averages out."""
+    block: int = 64  # smallest number of intervals in a block, over which the jitter of single time stamps averages out
     most_blocks: int = 64
     """Largest number of blocks in a recording. A change is found if it lasts for 3/64 of the recording."""
     blocks_compared: int = 3

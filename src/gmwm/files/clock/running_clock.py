@@ -16,8 +16,7 @@ from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.rate_check import COMPARISON, require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import find_losses, resolution_of
-from gmwm.files.clock.stamp_order import in_order, without_steps_back
-from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps
+from gmwm.files.clock.time_stamps import SegmentStarts, Timing, about_stamps, in_order, without_steps_back
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -44,18 +44,15 @@ class PhaseSearch:
     """Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
     long_gap: int = 256
     """Gap (samples) above which it is removed before phases are compared: the clock may drift within it."""
-    first_rows: int = 1 << 17
-    """Number of rows from which the interval is first found; all rows then refine it."""
-    gain_of_doubling: float = 0.03
-    """Increase of the coherence above which a block with twice the rows is preferred."""
+    first_rows: int = 1 << 17  # number of rows from which the interval is first found; all rows then refine it
+    gain_of_doubling: float = 0.03  # increase of the coherence above which a block with twice the rows is preferred
     least_blocks: int = 12
     """Smallest number of blocks into which the recording is divided in the search for a better block length."""
     agrees_with_declared: float = 0.02
     """Largest relative difference at which an interval agrees with the declared interval."""
     jitter_of_declared: float = 0.1
     """Relative difference between the declared interval and one without a lost sample, jitter included."""
-    slips: int = 5
-    """Smallest number of regular steps that are taken as rounding at another rate instead of losses."""
+    slips: int = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
     drift: tuple[float, float] = (0.01, 0.2)
     """Relative range of a drifting interval that is removed before phases are compared. Below, phases follow the drift;
     above, the rate was changed."""

@@ -1,29 +1,194 @@
 """Find the unit of each axis. The user declares it, the header or the file states it, or it is inferred from gravity.
 
-The unit of a gyroscope cannot be inferred. An error is raised if it is neither declared nor stated.
+The unit of a gyroscope cannot be inferred. If it is neither declared nor stated, the error says what each unit would
+mean, and what the recording says about it. Raw counts and increments are converted with the factors in the file or with
+declared factors.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import axis_quantity
-from gmwm.base.errors import UnitError
+from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
+from gmwm.base.units import (
+    SI_UNIT,
+    STANDARD_GRAVITY,
+    TIME_UNITS,
+    Quantity,
+    Unit,
+    axis_quantity,
+    find_unit,
+    parse_unit,
+    unit_names,
+)
 from gmwm.files.clock.text_stamps import UNIT as STAMPS
 from gmwm.files.clock.text_stamps import form_remark, holds_stamps
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of, unknown_unit
 from gmwm.files.columns.columns import ColumnChoice
-from gmwm.files.columns.gyro_unit import unknown_gyro
-from gmwm.files.columns.scale_factors import offset_words
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
+
+_MIDDLE = 2**15  # middle of the range of counts of 16 bits
+
+
+def multiply(
+    layout: Layout, choice: ColumnChoice, factors: Mapping[str, float], increments: Sequence[str],
+    raw: Mapping[str, Vector], rate: float,
+) -> tuple[Remark, ...]:  # fmt: skip
+    """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
+    the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
+    both."""
+    read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
+    for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):
+        unused = next((key for key in keys if key not in read), None)
+        if unused is not None:
+            raise OptionError(argument=name, expected=f"for axes that are read ({', '.join(choice.axes)})", got=unused)
+    for axis in choice.axes:
+        channel = layout.channels[choice.columns[axis]]
+        factor = factors.get(axis, factors.get(axis_quantity(axis), 1.0)) * channel.scale
+        if channel.increments or axis in increments or axis_quantity(axis) in increments:
+            factor *= rate
+        if factor != 1:
+            raw[axis][...] *= factor
+    remarks = [
+        Remark.of("unit-named", key, case="factor", factor=factor, source="declared") for key, factor in factors.items()
+    ]
+    remarks += [Remark.of("unit-named", key, case="increments", source="declared") for key in increments if key in read]
+    return tuple(remarks)
+
+
+def offset_counts(axes: Sequence[str], values: Mapping[str, Vector]) -> bool:
+    """Return whether the numbers of a sensor are counts of 16 bits without a sign: integers, of which two axes or more
+    have means within 10 % of the middle of the range."""
+    means = [float(np.mean(values[axis])) for axis in axes]
+    near = sum(abs(mean / _MIDDLE - 1) < 0.1 for mean in means)  # a wide band: the counts of biases are far smaller
+    return near >= min(2, len(axes)) and all(
+        np.array_equal(np.rint(values[axis]), values[axis]) and values[axis].min() >= 0 and values[axis].max() < 2**16
+        for axis in axes
+    )
+
+
+def offset_words(axes: Sequence[str], values: Mapping[str, Vector]) -> str:
+    """Return a sentence for the message on an unknown unit if the numbers are counts with an offset; otherwise ""."""
+    return ". The numbers are counts of 16 bits with an offset of 32768" if offset_counts(axes, values) else ""
+
+
+def parse_scale(text: str | None) -> dict[str, float] | None:
+    """Parse the text of the option `scale`, with numbers or fractions, to the mapping that `gmwm.read` takes.
+
+    >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
+    {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
+    """
+    if text is None:
+        return None
+    factors = {}
+    for part in text.split(","):
+        name, mark, number = (piece.strip() for piece in part.partition("="))
+        above, _, below = number.partition("/")
+        try:
+            factors[name] = float(above) / float(below or 1)
+        except (ValueError, ZeroDivisionError):
+            mark = ""
+        if not mark or not name:
+            expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
+            raise OptionError(argument="scale", expected=expected, got=part.strip())
+    return factors
+
+
+_TYPICAL = (
+    (1e-6, 0.0005, "fibre-optic and ring laser gyroscopes of navigation grade"),
+    (0.0005, 0.003, "tactical gyroscopes such as STIM300 (0.0025)"),
+    (0.003, 0.02, "gyroscopes such as MPU-6050 (0.005), BMI160 (0.007) and BMI088 (0.014)"),
+    (0.02, 0.1, "gyroscopes such as L3GD20 (0.03)"),
+)
+"""Noise densities (deg/s/√Hz) in the datasheets of usual gyroscopes. They explain the question and decide nothing."""
+_USUAL = (0.003, 0.1)
+"""Noise densities (deg/s/√Hz) of gyroscopes in phones, drones and most loggers. A unit that gives one comes first."""
+_QUIET_SHARE = 0.1
+"""Share of windows that are quieter than the one whose noise is stated, so that motion elsewhere does not matter."""
+_CLEAR = 0.7
+"""Correlation between turns of gravity and gyroscopes above which the turns are a witness. Both are noise at rest;
+pinned by tests/readers/test_units.py."""
+
+
+def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float) -> UnitError:
+    """Make the error for gyroscopes without a unit. It states the noise density of the quietest part for both units,
+    and the unit with which the turns of gravity agree. `values` (N,) are the numbers in the file, `rate` is in Hz."""
+    density = float(np.median([_quiet_density(values[axis], rate) for axis in axes]))
+    densities = {"deg/s": density, "rad/s": math.degrees(density)}
+    readings = "; ".join(_reading(unit, value) for unit, value in densities.items())
+    likely = _by_turns(values, rate)
+    witness = f". The turns of gravity agree with {likely}" if likely else offset_words(axes, values)
+    usual = [likely] if likely else [unit for unit, value in densities.items() if _USUAL[0] <= value < _USUAL[1]]
+    first = usual[0] if len(usual) == 1 else ""
+    other = next(unit for unit in densities if unit != (first or "deg/s"))
+    return UnitError(
+        f"the unit of {', '.join(axes)} is neither declared nor named in the file. In the quietest part, the noise "
+        f"density is {readings}{witness}",
+        code="unit-unnamed",
+        advice=(
+            f"It is probably {{--units=gyro:{first}}}, otherwise {{--units=gyro:{other}}}."
+            if first
+            else "State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}."
+        ),
+    )
+
+
+def _reading(unit: str, density: float) -> str:
+    """Describe a noise density (deg/s/√Hz), and the gyroscopes that have it."""
+    parts = _parts(density)
+    typical = f"typical of {parts}" if parts else "which no usual gyroscope has"
+    return f"{density:.3g} deg/s/√Hz ({60 * density:.3g} deg/√h) if it is {unit}, {typical}"
+
+
+def _parts(density: float) -> str:
+    """Return the usual gyroscopes with a noise density (deg/s/√Hz); "" if there are none."""
+    return next((parts for low, high, parts in _TYPICAL if low <= density < high), "")
+
+
+def _quiet_density(samples: Vector, rate: float) -> float:
+    """Return the white noise density of the quiet windows, from first differences, which do not depend on the bias."""
+    differences = np.diff(samples)
+    width = max(32, min(round(rate), differences.size // 8))
+    count = max(1, differences.size // width)
+    windows = differences[: count * width].reshape(count, -1) if differences.size >= width else differences[None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.quantile(np.std(windows, axis=1), _QUIET_SHARE)) / math.sqrt(2 * rate)
+
+
+def _by_turns(values: Mapping[str, Vector], rate: float) -> str:
+    """Return the unit of the gyroscopes with which the turns of gravity agree: a body that turns with the rate ω sees
+    the direction g turn with −ω × g. "" if the recording has not all axes, or no clear turns."""
+    if not all(f"{sensor}_{axis}" in values for sensor in SI_UNIT for axis in "xyz"):
+        return ""
+    width = max(1, round(rate / 10))  # samples in 0.1 s, over which noise and vibration average out
+    count = values["gyro_x"].size // width
+    if count < 16:
+        return ""
+    gyro, accel = (
+        np.column_stack(
+            [values[f"{sensor}_{axis}"][: count * width].reshape(count, width).mean(axis=1) for axis in "xyz"]
+        )
+        for sensor in ("gyro", "accel")
+    )
+    with np.errstate(all="ignore"):
+        down = accel / np.linalg.norm(accel, axis=1, keepdims=True)
+        turns = np.diff(down, axis=0) * rate / width
+        expected = -np.cross((gyro[1:] + gyro[:-1]) / 2, (down[1:] + down[:-1]) / 2)
+        product, power = float(np.sum(turns * expected)), float(np.sum(expected**2))
+        correlation = product / math.sqrt(power * float(np.sum(turns**2)) or 1.0)
+    if not abs(correlation) > _CLEAR:
+        return ""
+    size = abs(product) / power
+    return next((unit for unit, factor in (("rad/s", 1.0), ("deg/s", math.pi / 180)) if 0.5 < size / factor < 2), "")
+
 
 _INFERRED = ("g", "m/s²", "mg")
 """Units that can be inferred from the norm of the accelerometers, because gravity is 1 g, 9.81 m/s² or 1000 mg."""

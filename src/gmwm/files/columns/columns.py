@@ -8,15 +8,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, join_names
 from gmwm.base.text import counted
-from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY, axis_quantity
 from gmwm.files.clock.text_stamps import is_stamp
-from gmwm.files.columns.column_names import clean, mentioned_sensor, role_of
-from gmwm.files.columns.short_names import by_short_names
+from gmwm.files.columns.column_names import by_short_names, clean, mentioned_sensor, role_of
 from gmwm.files.contract import Layout
 from gmwm.recording.options import ROLES, Columns
 

@@ -1,29 +1,9 @@
-"""Formats of recordings, one module each. An import of this package registers them, in this order."""
+"""Formats of recordings. An import of this package imports them in this order, and they register their readers."""
 
-from gmwm.files.formats import (
-    archive,
-    compressed,
-    dataflash,
-    dataflash_text,
-    epson,
-    hdf5,
-    imr,
-    kalibr,
-    matlab,
-    npy,
-    oxts,
-    parquet,
-    records,
-    rosbag,
-    sensorlogger,
-    sentences,
-    text,
-    ulog,
-    waypoint,
-    xsens,
-)  # fmt: skip
+from importlib import import_module
 
-__all__ = [
-    "archive", "compressed", "dataflash", "dataflash_text", "epson", "hdf5", "imr", "kalibr", "matlab", "npy", "oxts",
-    "parquet", "records", "rosbag", "sensorlogger", "sentences", "text", "ulog", "waypoint", "xsens",
-]  # fmt: skip
+for _module in (
+    "archive", "dataflash", "epson", "hdf5", "waypoint", "kalibr", "matlab", "npy", "oxts", "parquet", "records",
+    "rosbag", "sensorlogger", "sentences", "text", "ulog", "xsens",
+):  # fmt: skip
+    import_module(f"{__name__}.{_module}")

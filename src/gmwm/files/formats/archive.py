@@ -1,8 +1,9 @@
-"""Read zip archives of text tables, which phones export, with a table and its own time stamps for each sensor.
+"""Read zip archives of text tables, which phones export, and text that is compressed with gzip or Zstandard.
 
-Two tables are joined into one recording only if their rows can be paired one to one, in order, with time stamps that
-differ by at most half an interval. Rows at the ends without a partner are left out, and nothing is resampled. Tables
-that cannot be paired are separate recordings, which are chosen by topic.
+Each sensor has a table with its own time stamps. Two tables are joined into one recording only if their rows can be
+paired one to one, in order, with time stamps that differ by at most half an interval. Rows at the ends without a
+partner are left out, and nothing is resampled. Tables that cannot be paired are separate recordings, which are chosen
+by topic.
 """
 
 from __future__ import annotations
@@ -15,15 +16,67 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES, axis_quantity
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES, axis_quantity
 from gmwm.files.columns.column_names import named_unit, role_of
-from gmwm.files.contract import Layout, Reader, Rows, register
-from gmwm.files.formats.byte_sources import ZIP, MemberSource, PackedError, file_names, open_archive
-from gmwm.files.formats.compressed import packed_text
+from gmwm.files.contract import HEAD_BYTES, Layout, Reader, Rows, register
+from gmwm.files.formats.byte_sources import (
+    GZIP,
+    ZIP,
+    ZSTD,
+    CompressedSource,
+    FileSource,
+    MemberSource,
+    PackedError,
+    file_names,
+    open_archive,
+)
 from gmwm.files.formats.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
-from gmwm.files.formats.text import TextReader
+from gmwm.files.formats.text import TextReader, text_reader
+
+
+@register
+class CompressedReader(Reader):
+    """Reader for text that is compressed as .gz or .zst."""
+
+    name: ClassVar[str] = "compressed"
+    extensions: ClassVar[tuple[str, ...]] = (".gz", ".zst", ".zstd")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 0.9 for the signatures of gzip and Zstandard, because another format may also be compressed."""
+        return 0.9 if head.startswith((GZIP, ZSTD)) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """Return the recordings in the compressed text."""
+        source = CompressedSource(path)
+        reader, layouts = packed_text(source, path.with_suffix(""))
+        return tuple(replace(layout, state=(reader, layout)) for layout in layouts)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield the numbers; the text is unpacked while it is read."""
+        reader, inner = layout.state
+        inner = replace(inner, skip_bad_lines=layout.skip_bad_lines)
+        return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
+
+
+def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layout, ...]]:
+    """Return the reader of the text in a compressed file, and the recordings in it."""
+    with source.open() as file:
+        head = file.read(HEAD_BYTES)
+    if not head:
+        raise ReadError(
+            f"{source} is empty when unpacked", code="empty", advice="Check whether the recording was interrupted."
+        )
+    reader = text_reader(name, head)
+    if reader is None:
+        raise ReadError(
+            f"{source} is not text when unpacked, and only text is read from compressed files",
+            code="not-text",
+            advice="Unpack it and pass the file in it.",
+        )
+    return reader, reader.layouts_of(source)
+
 
 _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 

@@ -17,15 +17,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.base.units import find_unit
+from gmwm.base.units import AXES, find_unit
 from gmwm.files.columns.column_names import recognise, role_of
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows
 
-ARRAY_ROWS = 1 << 20
-"""Number of rows in a chunk."""
+ARRAY_ROWS = 1 << 20  # number of rows in a chunk
 
 MAX_ARRAYS = 1000
 """Largest number of arrays that are read from a file. A file with more is no recording, and takes long to read."""
@@ -127,8 +125,7 @@ def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...
 class ArraysReader(Reader):
     """Base class of the readers of named arrays. A layout has its arrays and their columns as `state`."""
 
-    random_access: ClassVar[bool] = False
-    """Whether a file can be read from any row."""
+    random_access: ClassVar[bool] = False  # whether a file can be read from any row
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield rows of the arrays."""

@@ -2,12 +2,13 @@
 
 CDR (ROS 2) has a head of four bytes with the byte order, and values aligned to their size; ROS 1 has neither. The
 positions of the values depend only on the lengths of the strings and sequences before them, so messages with the same
-lengths are read as strided columns. The decoder of rosbags decodes all other messages one by one.
-Sources: OMG Common Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
+lengths are read as strided columns. The decoder of rosbags decodes all other messages one by one. Sources: OMG Common
+Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -18,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadCode, ReadError
+from gmwm.base.extras import library
 from gmwm.base.text import with_article
+from gmwm.files.formats.bagfiles import TEXT_LIMIT, Topic
 
-Encoding = Literal["cdr", "ros1"]
-"""Serialisation of messages."""
+Encoding = Literal["cdr", "ros1"]  # serialisation of messages
 
 SIZES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
@@ -29,8 +31,7 @@ SIZES = {
 }  # fmt: skip
 """Types that are a single number, with their names in NumPy."""
 
-TIME = "builtin_interfaces/msg/Time"
-"""The type of a time stamp: seconds and nanoseconds, 32 bits each."""
+TIME = "builtin_interfaces/msg/Time"  # the type of a time stamp: seconds and nanoseconds, 32 bits each
 
 _LONG = 16  # longer arrays of numbers are not channels
 _STEPS = 100_000  # largest number of parts of a message
@@ -41,8 +42,7 @@ _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
 # Kinds of a field in rosbags; the numbers are part of its interface.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
 
-Description = Any
-"""Type of a field in the form of rosbags: (kind, (type, …)), nested for arrays."""
+Description = Any  # type of a field in the form of rosbags: (kind, (type, …)), nested for arrays
 
 
 def topic_error(what: str, code: ReadCode) -> ReadError:
@@ -356,3 +356,76 @@ def _store(definition: Definition) -> Any:
     except Exception as error:  # a library can raise any error on an invalid definition
         raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
     return store
+
+
+IMU = "sensor_msgs/msg/Imu"
+
+_FIELD_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_TYPE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)+")
+_EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CDR stores a message without fields
+
+
+def definition(topic: Topic) -> Definition | None:
+    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded.
+
+    Recordings before ROS 2 Iron contain no definitions; their types are those that ROS includes.
+    """
+    library("rosbags")
+    from rosbags.typesys import Stores, get_typestore
+
+    if topic.encoding not in ("cdr", "ros1"):  # serialisation formats of messages that gmwm can decode
+        return None
+    ros1 = topic.encoding == "ros1"
+    if topic.text:
+        types = _parse_types(topic)
+    else:
+        store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+        types = {name: fields for name, (_, fields) in store.fielddefs.items()}
+    if topic.type not in types:
+        return None
+    return Definition(topic.type, types if ros1 else {k: v or _EMPTY for k, v in types.items()}, topic.encoding)  # type: ignore[arg-type]
+
+
+def _parse_types(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
+    """Parse the definition text of a topic into its types."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    if len(topic.text) > TEXT_LIMIT:
+        raise topic_error(f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters", "type-invalid")
+    definitions: dict[str, Any] = dict(get_typestore(Stores.EMPTY).fielddefs)
+    try:
+        if topic.language != "ros2idl":
+            definitions |= get_types_from_msg(topic.text, topic.type)
+        else:  # several files are joined, each after a line of = and a line with its name
+            line = "=" * 80 + "\n"
+            joined = topic.text.startswith(f"{line}IDL: ")
+            parts = [part.partition("\n")[2] for part in topic.text.split(line)[1:]] if joined else [topic.text]
+            for part in parts:
+                definitions |= get_types_from_idl(part)
+    except Exception as error:  # a library can raise any error on an invalid definition
+        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        raise topic_error(
+            f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})", "type-invalid"
+        ) from error
+    types = {name: fields for name, (_, fields) in definitions.items()}
+    for name, fields in types.items():
+        _require_plain(name, fields, topic)
+    return types
+
+
+def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: Topic) -> None:
+    """Require plain names and short arrays, because code of the decoder is generated from them."""
+    plain = bool(_TYPE.fullmatch(name))
+    for label, (sort, inner) in fields:
+        plain &= bool(_FIELD_NAME.fullmatch(label))
+        if sort in (3, 4):
+            part, count = inner
+            # Elements of an array of strings or messages; the general decoder has a line of code for each
+            plain &= sort == 4 or count <= 4096 or (part[0] == 1 and part[1][0] != "string")
+            sort, inner = part
+        plain &= sort != 2 or bool(_TYPE.fullmatch(inner))
+    if not plain:
+        raise topic_error(
+            f"{topic.name}: the definition of its type {topic.type} holds what is no name, or a huge array",
+            "type-invalid",
+        )

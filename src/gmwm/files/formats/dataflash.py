@@ -1,10 +1,8 @@
-"""Read ArduPilot's logs (.bin). Each instance (sensor) of the messages IMU, ACC and GYR is a recording.
+"""Read ArduPilot's logs (.bin), also in text form (.log). Each instance (sensor) of IMU, ACC and GYR is a recording.
 
-A message begins with two bytes and its type; FMT messages define the length and the fields of each type. A log has no
-end mark, so an incomplete message at the end is ignored. Bytes that are not part of a message are skipped, and the
-samples that are missing there show as gaps in the time stamps.
-
-Sources: ArduPilot, libraries/AP_Logger/LogStructure.h and AP_InertialSensor/LogStructure.h.
+FMT messages define the length and the fields of each type. Bytes and lines that are not a complete message are skipped;
+the missing samples show as gaps in the time stamps. Sources: ArduPilot, libraries/AP_Logger/LogStructure.h and
+AP_InertialSensor/LogStructure.h.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
-from gmwm.files.contract import Channel, Layout, Reader, Rows, register
+from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
 
 _MARK = b"\xa3\x95"
 _FMT = 128
@@ -39,8 +37,7 @@ ROLES: Mapping[str, tuple[str, str]] = {
     **{f"Acc{axis}": (f"accel_{axis.lower()}", "m/s²") for axis in "XYZ"},
     "T": ("temperature", "°C"),
 }
-STAMPS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}
-"""Names of the time stamps, and their units."""
+STAMPS = {"SampleUS": "us", "TimeUS": "us", "TimeMS": "ms"}  # names of the time stamps, and their units
 ADVICE = "Log them: set bit 7 (IMU) of the parameter LOG_BITMASK, or INS_RAW_LOG_OPT for raw samples."
 
 
@@ -54,24 +51,60 @@ class _DataflashMessage:
     fields: np.dtype[Any]
 
 
-@dataclass(frozen=True)
-class _LogFields:
-    """The messages of a recording: their type, the number of the sensor (-1 for none), and the fields to read."""
+@dataclass
+class _LogRecording:
+    """A recording in a log: message, instance (-1 for none), names of values, number of the message in a binary log,
+    count, times, any temperature but zero."""
 
-    message: _DataflashMessage
+    name: str
     instance: int
     names: tuple[str, ...]
+    number: int = 0
+    count: int = 0
+    first: int = 0
+    last: int = 0
+    warm: bool = False
+
+    @property
+    def stamp(self) -> str:
+        """Name of the time stamps."""
+        return next(name for name in STAMPS if name in self.names)
+
+    def add(self, count: int, first: int, last: int, warm: bool) -> None:
+        """Add messages with their first and last time."""
+        self.first = self.first if self.count else first
+        self.last, self.count = last, self.count + count
+        self.warm |= warm
+
+    def layout(self, remarks: tuple[Remark, ...]) -> Layout:
+        """Return the time, the axes, and the temperature unless it is always zero."""
+        roles = {name: ROLES[name] for name in self.names if name in ROLES and (name != "T" or self.warm)}
+        return Layout(
+            (
+                Channel(self.stamp, STAMPS[self.stamp], "time"),
+                *(Channel(name, unit, axis) for name, (axis, unit) in roles.items()),
+            ),
+            topic=self.name if self.instance < 0 else f"{self.name}_{self.instance}", state=self,
+            extent=(self.count, (self.last - self.first) / (1e3 if self.stamp == "TimeMS" else 1e6)), remarks=remarks,
+            preferred=self.name == "IMU" and self.instance <= 0,
+        )  # fmt: skip
 
 
 @dataclass
 class _LogSummary:
-    """Types, counts and times of the inertial messages of a log, and the number of damaged places."""
+    """Types and recordings of the inertial messages of a log, and the number of damaged places."""
 
     types: dict[int, _DataflashMessage] = field(default_factory=dict)
-    counts: dict[tuple[int, int], int] = field(default_factory=dict)
-    edges: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
-    warm: set[tuple[int, int]] = field(default_factory=set)
+    recordings: dict[tuple[int, int], _LogRecording] = field(default_factory=dict)
     damaged: int = 0
+
+
+def _layouts(recordings: Mapping[Any, _LogRecording], damaged: int, path: Path) -> tuple[Layout, ...]:
+    """Return the layout of each recording of a log, in the order of the keys."""
+    if not recordings:
+        raise ReadError(f"{path} holds none of the messages IMU, ACC and GYR", code="no-inertial-data", advice=ADVICE)
+    remarks = (Remark.of("log-dropouts", case="dropouts", count=damaged),) if damaged else ()
+    return tuple(recordings[key].layout(remarks) for key in sorted(recordings))
 
 
 @register
@@ -87,39 +120,15 @@ class DataflashReader(Reader):
         summary = _LogSummary()
         for message, table in _messages(path, summary):
             _count(summary, message, table)
-        remarks = (Remark.of("log-dropouts", case="dropouts", count=summary.damaged),) if summary.damaged else ()
-        layouts = [_layout(summary, key, remarks) for key in sorted(summary.counts)]
-        if not layouts:
-            raise ReadError(
-                f"{path} holds none of the messages IMU, ACC and GYR", code="no-inertial-data", advice=ADVICE
-            )
-        return tuple(layouts)
+        return _layouts(summary.recordings, summary.damaged, path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the numbers, one chunk for each block of the file."""
-        selection: _LogFields = layout.state
-        for message, table in _messages(path, _LogSummary(), only=selection.message.name):
-            rows = table if selection.instance < 0 else table[table["I"] == selection.instance]
-            if message.number == selection.message.number and rows.size:
-                yield {k: _numbers(rows[selection.names[k]]) for k in wanted}
-
-
-def _layout(found: _LogSummary, key: tuple[int, int], remarks: tuple[Remark, ...]) -> Layout:
-    message, instance = found.types[key[0]], key[1]
-    names = message.fields.names or ()
-    stamp = next(name for name in STAMPS if name in names)
-    channels = [Channel(stamp, STAMPS[stamp], "time")]
-    for name in names:
-        axis, unit = ROLES.get(name, ("", ""))
-        if axis and (axis != "temperature" or key in found.warm):
-            channels.append(Channel(name, unit, axis))
-    first, last = found.edges[key]
-    seconds = (last - first) / (1e3 if stamp == "TimeMS" else 1e6)
-    return Layout(
-        tuple(channels), topic=message.name if instance < 0 else f"{message.name}_{instance}",
-        state=_LogFields(message, instance, tuple(channel.name for channel in channels)),
-        extent=(found.counts[key], seconds), remarks=remarks, preferred=message.name == "IMU" and instance <= 0,
-    )  # fmt: skip
+        recording: _LogRecording = layout.state
+        for message, table in _messages(path, _LogSummary(), only=recording.name):
+            rows = table if recording.instance < 0 else table[table["I"] == recording.instance]
+            if message.number == recording.number and rows.size:
+                yield {k: _numbers(rows[layout.channels[k].name]) for k in wanted}
 
 
 def _numbers(column: NDArray[Any]) -> NDArray[Any]:
@@ -128,17 +137,13 @@ def _numbers(column: NDArray[Any]) -> NDArray[Any]:
 
 def _count(found: _LogSummary, message: _DataflashMessage, table: NDArray[Any]) -> None:
     """Add the messages of a block to the summary."""
-    stamp = next(name for name in STAMPS if name in (message.fields.names or ()))
-    instances = np.unique(table["I"]).tolist() if "I" in (message.fields.names or ()) else [-1]
-    for instance in instances:
+    names = message.fields.names or ()
+    for instance in np.unique(table["I"]).tolist() if "I" in names else [-1]:
         rows = table if instance < 0 else table[table["I"] == instance]
         key = (message.number, int(instance))
-        times = rows[stamp]
-        first, _ = found.edges.get(key, (int(times[0]), 0))
-        found.edges[key] = first, int(times[-1])
-        found.counts[key] = found.counts.get(key, 0) + rows.size
-        if "T" in (message.fields.names or ()) and np.any(rows["T"]):
-            found.warm.add(key)
+        recording = found.recordings.setdefault(key, _LogRecording(message.name, int(instance), names, message.number))
+        times = rows[recording.stamp]
+        recording.add(rows.size, int(times[0]), int(times[-1]), "T" in names and bool(np.any(rows["T"])))
 
 
 def _messages(path: Path, found: _LogSummary, only: str = "") -> Iterator[tuple[_DataflashMessage, NDArray[Any]]]:
@@ -202,3 +207,84 @@ def _inertial(number: int, size: int, name: bytes, *, fields: bytes, labels: byt
         return None
     dtype = np.dtype([(label, f"<{kind}") for label, kind in zip(names, kinds, strict=True)])
     return _DataflashMessage(number, size, title, dtype) if dtype.itemsize == size - 3 else None
+
+
+@dataclass
+class _TextLog:
+    """The names of the values of each inertial message in a log, and the number of damaged lines."""
+
+    names: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    damaged: int = 0
+
+    def messages(self, path: Path, only: str = "") -> Iterator[tuple[str, list[float]]]:
+        """Yield the name and the values of each inertial message."""
+        with path.open(encoding="utf-8", errors="replace") as file:
+            for line in file:
+                name = line.partition(",")[0].strip()
+                if name == "FMT":
+                    self._define(line)
+                elif name in self.names and only in ("", name):
+                    values = _values(line)
+                    if len(values) == len(self.names[name]):
+                        yield name, values
+                    else:
+                        self.damaged += 1
+
+    def _define(self, line: str) -> None:
+        parts = [part.strip() for part in line.split(",")]
+        if len(parts) > 5 and is_inertial(parts[3], parts[5:]):
+            self.names[parts[3]] = tuple(parts[5:])
+
+
+@register
+class DataflashTextReader(Reader):
+    """Reader of ArduPilot's DataFlash logs in text form."""
+
+    name: ClassVar[str] = "ardupilot text"
+    extensions: ClassVar[tuple[str, ...]] = (".log",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """Return 1 if the file begins with the line that defines FMT lines."""
+        first = head.lstrip(b"\xef\xbb\xbf").split(b"\n", 1)[0]
+        return 1.0 if [part.strip() for part in first.split(b",")[:4:3]] == [b"FMT", b"FMT"] else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """Return one recording for each sensor, as for binary logs. IMU_0 is preferred."""
+        log, recordings = _TextLog(), dict[tuple[str, int], _LogRecording]()
+        for name, values in log.messages(path):
+            names = log.names[name]
+            instance = int(values[names.index("I")]) if "I" in names else -1
+            recording = recordings.setdefault((name, instance), _LogRecording(name, instance, names))
+            time = int(values[names.index(recording.stamp)])
+            recording.add(1, time, time, "T" in names and values[names.index("T")] != 0)
+        return _layouts(recordings, log.damaged, path)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Yield the numbers of the messages."""
+        recording: _LogRecording = layout.state
+        places = {k: recording.names.index(layout.channels[k].name) for k in wanted}
+        instance = recording.names.index("I") if recording.instance >= 0 else -1
+        rows: list[list[float]] = []
+        for _, values in _TextLog().messages(path, recording.name):
+            if instance >= 0 and values[instance] != recording.instance:
+                continue
+            rows.append([values[place] for place in places.values()])
+            if len(rows) == CHUNK_ROWS:
+                yield _text_numbers(rows, layout, wanted)
+                rows = []
+        if rows:
+            yield _text_numbers(rows, layout, wanted)
+
+
+def _values(line: str) -> list[float]:
+    """Return the values of a message; an empty list if one of them is not a number."""
+    try:
+        return [float(value) for value in line.split(",")[1:]]
+    except ValueError:
+        return []
+
+
+def _text_numbers(rows: Sequence[Sequence[float]], layout: Layout, wanted: Sequence[int]) -> Rows:
+    """Convert rows to columns: time stamps as integers, all others as float64."""
+    columns = zip(wanted, zip(*rows, strict=True), strict=True)
+    return {k: np.array(column, dtype=np.int64 if k == 0 else np.float64) for k, column in columns}

@@ -18,14 +18,19 @@ from gmwm.base.errors import ReadError
 from gmwm.base.units import TIME_UNITS, find_time_unit
 from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
-from gmwm.files.formats.decimals import WITHOUT_GROUPS, is_number, require_clear_commas
-from gmwm.files.formats.line_forms import LineForms, line_forms, plain_header
-from gmwm.files.formats.stamp_parts import StampParts, find_parts
+from gmwm.files.formats.line_forms import (
+    WITHOUT_GROUPS,
+    LineForms,
+    StampParts,
+    find_parts,
+    is_number,
+    line_forms,
+    plain_header,
+    require_clear_commas,
+)
 
-Commas = Literal["", "decimal", "thousands"]
-"""What a comma within a number is; "" if the numbers decide."""
-BLANKS = " "
-"""Delimiter that stands for any number of blanks and tabs."""
+Commas = Literal["", "decimal", "thousands"]  # what a comma within a number is; "" if the numbers decide
+BLANKS = " "  # delimiter that stands for any number of blanks and tabs
 
 
 COMMENT_SIGNS = ("#", "%", "//", "!")

@@ -1,7 +1,5 @@
-"""Rewrite lines for readers as rows of cells: numbers with labels or units, and dates and times in other forms.
-
-The lines in the middle of the first 64 kB show the forms. Each form is a list of replacements, which are made in all
-lines of the file. A date whose day and month may be confused is removed, so that the time of day remains.
+"""Recognise the forms of lines, numbers and time stamps in text: names before numbers, decimal commas, and seconds with
+their fraction in a column of its own.
 """
 
 from __future__ import annotations
@@ -12,11 +10,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from gmwm.files.clock.text_stamps import is_time_of_day
-from gmwm.files.columns.column_names import is_unit
+import numpy as np
+from numpy.typing import NDArray
 
-Replacement = tuple[bytes, bytes]
-"""Pattern and text that replaces it."""
+from gmwm.base.arrays import Vector
+from gmwm.base.errors import ReadError
+from gmwm.base.units import TIME_UNITS
+from gmwm.files.clock.lost_samples import MISSING, is_missing
+from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day
+from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
+from gmwm.files.contract import Rows
+
+Replacement = tuple[bytes, bytes]  # pattern and text that replaces it
 
 _SAMPLE, _WIDTH = 50, 1000  # number of lines that show the forms, and of their first characters
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
@@ -25,8 +30,7 @@ _UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
 _VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?= {{0,2}}{_UNIT}))(?: {{0,2}}({_UNIT})(?=[\s,;|]|$))?"
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
-WEEK = (_WEEK_SECONDS.encode(), b"")
-"""Replacement that removes the week from time stamps such as 2190:345600.005."""
+WEEK = (_WEEK_SECONDS.encode(), b"")  # replacement that removes the week from time stamps such as 2190:345600.005
 
 _DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
@@ -194,3 +198,145 @@ def first_of_sample(lines: Sequence[str]) -> str:
 def shape_of(line: str) -> str:
     """Return a line with # in place of each number."""
     return re.sub(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", "#", line[:_WIDTH]).strip()
+
+
+_PLAIN_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_MOST_ROWS = 4096  # number of rows in which seconds and fractions are compared
+
+
+@dataclass(frozen=True)
+class StampParts:
+    """Indices of the columns of seconds and of their fractions, and the number of units of the fraction in a second; 1
+    for decimal numbers below 1."""
+
+    seconds: int
+    fraction: int
+    per_second: int
+
+    def join(self, rows: Rows, path: object) -> NDArray[np.int64]:
+        """Return the time stamps (ns)."""
+        parts = [np.asarray(rows[k]) for k in (self.seconds, self.fraction)]
+        masks = [is_missing(part) for part in parts]
+        away = np.any([np.zeros(parts[0].size, dtype=bool) if mask is None else mask for mask in masks], axis=0)
+        parts = [np.where(away, 0, part) for part in parts]
+        per_second = self.per_second if self.per_second > 1 else 10**9
+        if self.per_second == 1:
+            parts[1] = np.rint(parts[1] * 1e9)
+        seconds, fraction = (part.astype(np.int64) for part in parts)
+        if np.any((fraction < 0) | (fraction >= per_second)):
+            raise ReadError(
+                f"{path}: the fractions of a second in column number {self.fraction} reach {fraction.max()}, and "
+                f"{per_second} are a second",
+                code="time-implausible",
+                advice="Name the time column with {--columns}, or leave it out with {--columns=time:none} and pass "
+                "{--rate}.",
+            )
+        return np.where(away, MISSING, seconds * 10**9 + fraction * (10**9 // per_second))
+
+
+def find_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> StampParts | None:
+    """Find the columns of time stamps in two parts, by the name of the seconds or the unit of the fraction, and by the
+    numbers of the fraction, which begins again in each second."""
+    columns = [k for k, name in enumerate(names) if not recognise(name).axis.startswith(("gyro", "accel"))]
+    for k in sorted(columns, key=lambda k: not _may_be_seconds(names[k])):
+        for other in columns:
+            named = _may_be_seconds(names[k]) or _units(names[other]) > 1
+            if other != k and named and (parts := _fitting(k, other, names[other], rows[:_MOST_ROWS])) is not None:
+                return parts
+    return None
+
+
+def _may_be_seconds(name: str) -> bool:
+    """Return whether a name can be that of whole seconds: a time without a unit or in seconds."""
+    words = re.split(r"[^a-z]+", clean(name).casefold())
+    column = recognise(name)
+    return (column.axis == "time" and column.unit in ("", "s")) or words[-1] in ("sec", "secs", "seconds", "s")
+
+
+def _fitting(k: int, other: int, name: str, rows: Sequence[Sequence[str]]) -> StampParts | None:
+    """Return the parts if the numbers of column `other` are fractions of the seconds in column `k`."""
+    cells = [(row[k], row[other]) for row in rows if row[k] and row[other]]
+    if len(cells) < 2 or any(len(cell) > 24 or not _PLAIN_NUMBER.fullmatch(cell) for pair in cells for cell in pair):
+        return None
+    seconds, fraction = np.array(cells, dtype=np.float64).T
+    steps = np.diff(seconds)
+    if fraction.min() < 0 or np.any(steps < 0) or np.any(seconds % 1) or abs(seconds[-1]) > 1e11:
+        return None
+    stated = _units(name)
+    if fraction.max() < 1 and np.any(fraction > 0):
+        parts = _fitting_units(seconds, fraction, 1)
+        return StampParts(k, other, 1) if parts else None
+    if np.any(fraction % 1):
+        return None
+    if not np.any(steps):  # all rows are of one second: the name of the fraction decides
+        fits = stated > 1 and fraction.max() < stated and np.median(np.diff(fraction)) > 0
+        return StampParts(k, other, stated) if fits else None
+    units = (stated,) if stated > 1 else (10**3, 10**6, 10**9)
+    return next((StampParts(k, other, unit) for unit in units if _fitting_units(seconds, fraction, unit)), None)
+
+
+def _fitting_units(seconds: Vector, fraction: Vector, per_second: int) -> bool:
+    """Return whether a fraction in these units continues from one second to the next."""
+    steps = np.diff(seconds)
+    within = np.diff(fraction)[steps == 0]
+    if not within.size or np.median(within) <= 0 or np.any(np.diff(fraction)[steps == 1] >= 0):
+        return False
+    joined = steps * per_second + np.diff(fraction)
+    # Between two seconds, the interval is that within a second, but for lost samples.
+    between = np.median(joined[steps == 1]) if np.any(steps == 1) else 0
+    return bool(fraction.max() < per_second and 0.5 * np.median(within) <= between <= 2 * np.median(within))
+
+
+def _units(name: str) -> int:
+    """Return the number of units in a second that the last word of a name states; 0 if it states none."""
+    return TIME_UNITS.get(unit_of(_last_word(name), "time"), 0)
+
+
+def _last_word(name: str) -> str:
+    """Return the last word of a name, which may be a unit of time; the whole bracket if the name has one.
+
+    >>> _last_word("time_nsec"), _last_word("usec"), _last_word("stamp [ns]")
+    ('nsec', 'usec', 'ns')
+    """
+    words = re.split(r"[^a-zµ]+", clean(name).casefold())
+    return next((word for word in reversed(words) if word), "")
+
+
+_CELL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_POINT_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
+_COMMA_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
+WITHOUT_GROUPS = (rb"(?<=\d),(?=\d{3}(?!\d))", b"")  # replacement that removes the commas between thousands
+
+
+def is_number(cell: str, decimal_comma: bool = False) -> bool:
+    """Return whether a cell is a number, NaN or infinity."""
+    return _CELL.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
+
+
+def is_grouped(cell: str) -> bool:
+    """Return whether a cell may be a number whose points separate thousands, as programs with a decimal comma write it.
+
+    >>> [cell for cell in ("5.000", "1.234.567,8", "0.500", "9.81", "5,000") if is_grouped(cell)]
+    ['5.000', '1.234.567,8']
+    """
+    return _POINT_GROUPS.fullmatch(cell) is not None
+
+
+def require_clear_commas(rows: Sequence[Sequence[str]], names: Sequence[str], where: str) -> None:
+    """Raise an error if the commas of a column may separate thousands: exactly three digits follow each of them, and
+    the file has decimal points too, or no comma that must be a decimal sign."""
+    columns = list(zip(*rows, strict=True))
+    commas = [[cell for cell in column if "," in cell and not is_stamp(cell)] for column in columns]
+    grouped = [bool(cells) and all(map(_COMMA_GROUPS.fullmatch, cells)) for cells in commas]
+    points = any("." in cell and is_number(cell) for column in columns for cell in column)
+    proven = any(cells and not group for cells, group in zip(commas, grouped, strict=True))
+    if not any(grouped) or (proven and not points):
+        return
+    k = grouped.index(True)
+    cell, reason = commas[k][0], "decimal points" if points else "no other decimal sign"
+    raise ReadError(
+        f"{where}: {cell!r} in column {names[k] if names else k!r} may be {cell.replace(',', '')} or "
+        f"{cell.replace(',', '.', 1)}, because three digits follow each comma, and the file has {reason}",
+        code="decimal-comma",
+        advice="State what the comma is: {--format=text:thousands} or {--format=text:decimal-comma}.",
+    )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
-from gmwm.base.forks import require_threads
+from gmwm.base.threads import require_threads
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_error, register
@@ -20,8 +20,7 @@ from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, damage_erro
 if TYPE_CHECKING:
     import polars as pl
 
-TABLE_ROWS = 1 << 18
-"""Rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often."""
+TABLE_ROWS = 1 << 18  # rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often
 
 
 @register

@@ -21,28 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import AXES
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.units import AXES
 from gmwm.files.columns.column_names import recognise
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
 from gmwm.files.formats import bag_mcap, bag_ros1, bag_sqlite
 from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bag_ros1 import Ros1Storage
 from gmwm.files.formats.bag_sqlite import SqliteStorage
-from gmwm.files.formats.bag_types import IMU, definition
 from gmwm.files.formats.bagfiles import Batch, Storage, Topic, decompress_messages, merge_topics
 from gmwm.files.formats.byte_sources import ZSTD, CompressedSource
-from gmwm.files.formats.cdr import Decoder, Definition
-from gmwm.files.formats.json_types import JsonDecoder, JsonType
+from gmwm.files.formats.cdr import IMU, Decoder, Definition, definition
+from gmwm.files.formats.records import JsonDecoder, JsonType
 
-LOG_TIME = "log_time"
-"""Name of the channel with the time at which a message was recorded."""
+LOG_TIME = "log_time"  # name of the channel with the time at which a message was recorded
 
 STAMP = "header.stamp"
 
-TEMPERATURE = "(temperature)"
-"""Name of the channel with the temperature of another topic, interpolated to the samples."""
+TEMPERATURE = "(temperature)"  # name of the channel with the temperature of another topic, interpolated to the samples
 
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
 _TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"

@@ -21,16 +21,13 @@ from gmwm.files.columns.column_names import named_unit, recognise, role_of, unit
 from gmwm.files.columns.known_tables import known_table, names_by_file, stated_scales
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource, recoded, text_encoding
-from gmwm.files.formats.decimals import is_number
 from gmwm.files.formats.dialect import Commas, TextDialect, detect, sensor_word, split_line
-from gmwm.files.formats.line_forms import WEEK
+from gmwm.files.formats.line_forms import WEEK, is_number
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
-BLOCK_BYTES = 8 << 20
-"""Number of bytes in a block: enough to parse in parallel, and several blocks fit into memory."""
+BLOCK_BYTES = 8 << 20  # number of bytes in a block: enough to parse in parallel, and several blocks fit into memory
 
-LINE_BYTES = 8 * BLOCK_BYTES
-"""Largest number of bytes in a line. A longer line is not a row of a table."""
+LINE_BYTES = 8 * BLOCK_BYTES  # largest number of bytes in a line. A longer line is not a row of a table
 
 TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
 """Number of bytes and lines at the end of a file that are compared with a last line without a newline."""

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
-from gmwm.base.forks import require_threads
+from gmwm.base.threads import require_threads
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.decimals import is_grouped, is_number
 from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, TextDialect, comment_sign, split_line
+from gmwm.files.formats.line_forms import is_grouped, is_number
 
 if TYPE_CHECKING:
     import polars as pl

@@ -8,10 +8,8 @@ from pathlib import Path
 
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.importers.datasheet import EXAMPLE, read_datasheet
-from gmwm.files.importers.documents import ParameterFile, parse
-from gmwm.files.importers.files import FORMATS, Format
-from gmwm.files.importers.values import Values
+from gmwm.files.importers.files import FORMATS, Format, ParameterFile, parse
+from gmwm.files.importers.values import EXAMPLE, Values, read_datasheet
 from gmwm.theory.processes.model import Model
 
 _LARGEST = 2_000_000

@@ -1,25 +1,28 @@
-"""Hold the noise numbers of one axis as datasheets and filters state them, and convert them to a noise model."""
+"""The noise numbers of one axis as datasheets and filters state them, their units, and their conversion to a noise
+model.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+import re
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
-from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.errors import ModelError, OptionError, UnitError
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import AXES, SI_UNIT, Quantity, datasheet_units, find_unit, noise_unit, spelt
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
-from gmwm.theory.processes.noise import QN, WN
+from gmwm.theory.processes.noise import DR, QN, RW, WN
 from gmwm.theory.processes.power import FN
-from gmwm.theory.processes.walk import DR, RW
 
-FLOOR = math.sqrt(2 * math.log(2) / math.pi)
-"""Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)."""
+FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)
 GAUSS_MARKOV_PEAK = 0.6173643
 """Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
 correlation time (pinned by tests/importers/test_values.py)."""
-_SQUARED = (1e-150, 1e150)
-"""Range of numbers whose squares are floating-point numbers at any sampling rate."""
+_SQUARED = (1e-150, 1e150)  # range of numbers whose squares are floating-point numbers at any sampling rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,3 +111,160 @@ class Values:
 def _product(*factors: float) -> float:
     """Return a product without the rounding error of its last digit, for readable models."""
     return float(f"{math.prod(factors):.15g}")
+
+
+# A value with its unit. The unit may begin with the letter e, so an exponent needs digits.
+_REFERENCE = "a number with its value and unit, such as gyro.N=2.0deg/√h"
+_VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A value that the manufacturer states.
+
+    Parameters
+    ----------
+    value : float
+        Value in `unit`.
+    unit : str
+        Unit of the value, for example "deg/√h".
+    si : float
+        The value in SI units.
+    """
+
+    value: float
+    unit: str
+    si: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the value as numbers and strings, ready for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        return f"{self.value:g} {self.unit}"
+
+
+def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str = "reference") -> Reference:
+    """Convert a reference value from its unit to the SI unit `si`. Raises an OptionError if `given` is not a positive
+    number with a unit, and a UnitError if the unit does not fit the number.
+
+    >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
+    True
+    """
+    try:
+        value, unit = given
+        valid = isinstance(unit, str) and not isinstance(value, bool) and 0 < float(value) < math.inf
+    except (TypeError, ValueError, OverflowError):
+        valid = False
+    if not valid:
+        expected = f"a positive number and its unit for {name}, such as (2.0, 'deg/√h')"
+        raise OptionError(argument=argument, expected=expected, got=given)
+    return Reference(float(value), unit, float(value) * _factor(name, unit, si, argument))
+
+
+def _factor(name: str, text: str, si: str, argument: str) -> float:
+    """Return the factor that converts a unit to the SI unit."""
+    sizes = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
+    if (size := sizes.get(spelt(text))) is not None:
+        return size
+    # A number in the unit of the signal may have any unit of the signal.
+    signal = find_unit(text)
+    if signal is not None and noise_unit(0.0, signal.name)[0] == si:
+        return signal.factor
+    units = ", ".join(dict.fromkeys((*datasheet_units(si), si)))
+    raise UnitError(argument=argument, expected=f"in one of {units} for {name}", got=text)
+
+
+def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
+    """Parse the value of --reference: the name of a number, and its value and unit.
+
+    >>> parse_reference("gyro.N = 2.0 deg/√h")
+    ('gyro.N', (2.0, 'deg/√h'))
+    """
+    name, mark, quantity = (part.strip() for part in text.partition("="))
+    match = _VALUE.fullmatch(quantity)
+    sensor, dot, symbol = name.rpartition(".")
+    if not mark or not sensor or not dot or not symbol or match is None or not quantity:
+        raise OptionError(argument="reference", expected=_REFERENCE, got=text)
+    try:
+        value = float(match[1])
+    except ValueError:
+        comma = match[1].count(",") == 1 and "." not in match[1]
+        advice = "Write {number}, with a decimal point." if comma else ""
+        number = match[1].replace(",", ".")
+        raise OptionError(argument="reference", expected=_REFERENCE, got=text, advice=advice, number=number) from None
+    if not match[2]:
+        raise OptionError(
+            f"the value of {name} has no unit: {quantity}", argument="reference", got=text,
+            advice="Add it, for example {--reference=gyro.N=2.0deg/√h}.",
+        )  # fmt: skip
+    return name, (value, match[2])
+
+
+POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "sigma": 0.0, "K": -0.5, "R": -1.0}
+"""Symbols of the numbers in a datasheet. The unit of each number is the unit of the signal times this power of the
+second."""
+_NAMES = {"σ": "sigma", "σ_GM": "sigma", "T": "T_c", "τ": "T_c", **{name: name for name in (*POWERS, "T_c")}}
+EXAMPLE = "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, K=1e-4m/s²/√s"
+_IS_NUMBER = re.compile(r"[\wσ]+\s*=")
+_PART = re.compile(
+    r"\s*([\wσ]+)\s*=\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*"
+    r"([^\s,;]*(?:\s*/\s*[^\s,;]+)*)(?:\s+over\s+([^,;]+))?\s*"
+)
+
+
+def read_datasheet(text: str) -> dict[str, Values | Model]:
+    """Parse text with the noise numbers, or the noise model, of each axis: parts "SENSOR: SYMBOL=VALUE UNIT, …" with
+    ";" between them. The sensor is gyro, accel or an axis. A symbol is N, K, B, sigma, Q, R or T_c. "over 100s" after B
+    or sigma is the correlation time of a Gauss-Markov process. A part can also be a model with values. Raises an
+    OptionError if the text has another form, and a UnitError if a unit does not fit its symbol.
+
+    >>> read_datasheet("gyro_x: N=60 deg/√h")["gyro_x"].N == read_datasheet("gyro_x: N=1 deg/s/√Hz")["gyro_x"].N
+    True
+    """
+    axes: dict[str, Values | Model] = {}
+    for part in (part for part in text.split(";") if part.strip()):
+        place, colon, body = (piece.strip() for piece in part.partition(":"))
+        if not colon or place not in (*SI_UNIT, *AXES):
+            expected = f"text such as '{EXAMPLE}', with gyro, accel or an axis before each colon"
+            raise OptionError(argument="source", expected=expected, got=part.strip())
+        quantity: Quantity = "gyro" if place.startswith("gyro") else "accel"
+        values: Values | Model = _values(body, place, quantity) if _IS_NUMBER.match(body) else Model.parse(body)
+        for axis in AXES:
+            if axis == place or axis.rpartition("_")[0] == place:
+                if axis in axes:
+                    raise OptionError(argument="source", expected=f"{axis} once", got=text)
+                axes[axis] = values
+    if not axes:
+        raise OptionError(argument="source", expected=f"text such as '{EXAMPLE}'", got=text)
+    return axes
+
+
+def _values(body: str, place: str, quantity: Quantity) -> Values:
+    numbers: dict[str, float] = {}
+    for part in body.split(","):
+        match = _PART.fullmatch(part)
+        name = _NAMES.get(match[1]) if match else None
+        if match is None or name is None:
+            expected = f"numbers such as N=0.15deg/√h, of {', '.join(dict.fromkeys(_NAMES.values()))}"
+            raise OptionError(argument="source", expected=expected, got=part.strip())
+        if name == "T_c":
+            pairs = {"time": parse_length(match[2] + match[3], "source")}
+        else:
+            si = noise_unit(POWERS[name], SI_UNIT[quantity])[0]
+            pairs = {name: as_reference(f"{place}.{name}", (float(match[2]), match[3]), si, argument="source").si}
+        if match[4] is not None:
+            if name not in ("B", "sigma"):
+                raise OptionError(argument="source", expected="a correlation time after B or sigma only", got=part)
+            pairs["time"] = parse_length(match[4].strip(), "source")
+        for key, value in pairs.items():
+            if key in numbers:
+                raise OptionError(argument="source", expected=f"{key} once for {place}", got=body)
+            numbers[key] = value
+    if "time" in numbers and not numbers.keys() & {"B", "sigma"}:
+        raise OptionError(argument="source", expected="B or sigma beside a correlation time", got=body)
+    if "sigma" in numbers and "time" not in numbers:
+        raise OptionError(argument="source", expected="a correlation time, as in sigma=5deg/h over 100s", got=body)
+    if {"B", "sigma"} <= numbers.keys():
+        raise OptionError(argument="source", expected="B or sigma, not both", got=body)
+    return Values(**numbers)

@@ -6,10 +6,9 @@ True
 
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, find_reader, register, registered
-from gmwm.files.readers.api import read, stream
+from gmwm.files.readers.api import read, read_array, stream
 from gmwm.files.readers.parts import Part
 from gmwm.files.readers.streams import Stream
-from gmwm.files.readers.unit_array import read_array
 from gmwm.recording.chunks import Chunk
 
 __all__ = [

@@ -17,19 +17,15 @@ from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.text import TextReader, text_reader
-from gmwm.files.readers.interpretation import require_time, understand
-from gmwm.files.readers.reading_warnings import warn
+from gmwm.files.readers.interpretation import require_time, understand, warn
 from gmwm.files.readers.streams import Stream, first_rows
 from gmwm.recording.options import ReadOptions
 
-POLL_S = 0.2
-"""Time between two checks for new data (s)."""
-READ_BYTES = 1 << 20
-"""Largest number of bytes in one read."""
+POLL_S = 0.2  # time between two checks for new data (s)
+READ_BYTES = 1 << 20  # largest number of bytes in one read
 HEAD_LINES = 256
 """Number of lines from which units, rate and time stamps are determined, unless they take too long to arrive."""
-LEAST_HEAD_LINES = 24
-"""Number of lines that are sufficient if the other lines do not arrive within some seconds."""
+LEAST_HEAD_LINES = 24  # number of lines that are sufficient if the other lines do not arrive within some seconds
 
 Take = Callable[[], bytes | None]
 """Function that returns the bytes since its last call, possibly none, or None at the end of the data."""

@@ -11,32 +11,53 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base import reporting
 from gmwm.base.arrays import Vector, as_rate
-from gmwm.base.axis_names import axis_quantity
-from gmwm.base.errors import DataError, ReadError
+from gmwm.base.errors import DataError, GmwmWarning, InferredUnitWarning, ReadError, TimeBaseWarning
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import clock_of
-from gmwm.files.clock.lost_samples import (
-    Sifted,
-    as_floats,
-    dead_axes,
-    is_missing,
-    sift,
-    sparse_axes,
-    values_of_axes,
-)
+from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift, sparse_axes, values_of_axes
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps
-from gmwm.files.columns.axis_units import resolve, time_unit
+from gmwm.files.columns.axis_units import multiply, offset_counts, resolve, time_unit
 from gmwm.files.columns.columns import ColumnChoice, describe_columns
-from gmwm.files.columns.scale_factors import multiply, offset_counts
 from gmwm.files.contract import Layout, Rows
-from gmwm.files.readers.reading_warnings import STAMPS, of_file
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import ReadOptions
+
+STAMPS = ("stamps-irregular", "samples-lost")
+"""Codes of remarks that need all rows, and are known only at the end of a live stream."""
+
+_CATEGORIES: Mapping[str, type[GmwmWarning]] = {
+    "unit-inferred": InferredUnitWarning,
+    "unit-doubtful": GmwmWarning,
+    "rate-contradicted": TimeBaseWarning,
+    "rate-ambiguous": TimeBaseWarning,
+    "axis-dead": GmwmWarning,
+    "sensor-columns-left-out": GmwmWarning,
+    "stamps-irregular": TimeBaseWarning,
+    "samples-lost": GmwmWarning,
+}
+"""Category of the Python warning, for each remark that is also a warning."""
+
+
+def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
+    """Set the file as the subject of remarks that are also warnings and do not concern an axis."""
+    return tuple(
+        remark.about(str(path)) if remark.code in _CATEGORIES and not remark.subject else remark for remark in remarks
+    )
+
+
+def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
+    """Issue the remarks that are also warnings. `stacklevel` is that of `warnings.warn` in the caller."""
+    for remark in remarks:
+        category = _CATEGORIES.get(remark.code)
+        if category is not None:
+            reporting.warn(category(remark), stacklevel=stacklevel + 1)
+
 
 T = TypeVar("T")
 

@@ -19,13 +19,11 @@ from gmwm.files.clock.lost_samples import Sifted, sift
 from gmwm.files.contract import Layout, Mark, Reader, existing_file
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation
-from gmwm.files.readers.several_files import SeveralFiles
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.files.readers.topics import reopen
+from gmwm.files.readers.topics import SeveralFiles, reopen
 from gmwm.recording.chunks import Chunk, Samples
 
-SHORTEST_PART = 4096
-"""Smallest number of rows of a part. Reading fewer rows takes less time than opening the file."""
+SHORTEST_PART = 4096  # smallest number of rows of a part. Reading fewer rows takes less time than opening the file
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,8 @@ from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
-from gmwm.files.readers.interpretation import Interpretation, RowSource
-from gmwm.files.readers.reading_warnings import of_file, warn
-from gmwm.files.readers.several_files import SeveralFiles, files_of, source_words
-from gmwm.files.readers.topics import reopen
+from gmwm.files.readers.interpretation import Interpretation, RowSource, of_file, warn
+from gmwm.files.readers.topics import SeveralFiles, files_of, reopen, source_words
 from gmwm.recording.chunks import Chunk, Samples
 from gmwm.recording.time_ranges import Trimmer, range_texts
 
@@ -31,12 +29,10 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.welch import Detrend
     from gmwm.measuring.variance.result import WaveletVariances
 
-CHUNK_SAMPLES = 1_000_000
-"""Default number of samples in a chunk."""
+CHUNK_SAMPLES = 1_000_000  # default number of samples in a chunk
 STREAMED_BYTES = 300_000_000
 """File size (bytes) from which commands and fleets stream. Smaller files fit into any memory, with copies."""
-Kept = Sequence[tuple[float, float]]
-"""Ranges of time (s), in order."""
+Kept = Sequence[tuple[float, float]]  # ranges of time (s), in order
 
 
 T = TypeVar("T")

@@ -26,20 +26,15 @@ class SearchLimits:
 
     certified_gap: float = 1e-4
     """Relative gap between objective and lower bound at which the search stops (docs/validation/optimum.md)."""
-    certify_nodes: int = 20_000
-    """Largest number of nodes of the search tree in a search with a certificate."""
+    certify_nodes: int = 20_000  # largest number of nodes of the search tree in a search with a certificate
     quick_nodes: int = 24
     """Largest number of nodes without a certificate; the fits are equally good (tests/estimation/test_fit_laws.py)."""
     table_error: float = 1e-5
     """Relative excess of the objective up to which optima on the tabulated curve are refined on the exact curve."""
-    settled: float = 1e-12
-    """Relative decrease of the objective below which a refinement ends."""
-    polishes: int = 8
-    """Largest number of successive cells through which a refinement follows one optimum."""
-    newton_steps: int = 5
-    """Largest number of Newton steps at the end of a refinement."""
-    longest_step: float = 0.05
-    """Longest Newton step in the search coordinate after the weights have changed."""
+    settled: float = 1e-12  # relative decrease of the objective below which a refinement ends
+    polishes: int = 8  # largest number of successive cells through which a refinement follows one optimum
+    newton_steps: int = 5  # largest number of Newton steps at the end of a refinement
+    longest_step: float = 0.05  # longest Newton step in the search coordinate after the weights have changed
     flat: float = 1e-10
     """Relative increase of the objective below which the end of a domain replaces the optimum (test_last_places.py)."""
     acts_as: float = 1e-6

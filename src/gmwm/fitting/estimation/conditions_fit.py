@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, align, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies

@@ -15,7 +15,7 @@ from gmwm.fitting.estimation.asymptotic import no_noise, sandwich_of
 from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
 from gmwm.fitting.estimation.weighting import precision
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.base import Process

@@ -21,7 +21,7 @@ import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.lazy import scipy
-from gmwm.base.random_effects import Effects, confidence_of_mean, effects
+from gmwm.base.statistics import Effects, confidence_of_mean, effects
 from gmwm.fitting.estimation.linearised import columns_of, parameter_gain, relative_jacobian, square_of_rest, usable_in
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design, covariance

@@ -12,10 +12,9 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
-from gmwm.base.frames import Tabular
 from gmwm.base.kinds import Document
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
 from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
@@ -30,6 +29,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.equivalence import likeness
 from gmwm.theory.processes.model import KalmanMethods, Model
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from gmwm.choosing.datasheets.entry import Datasheet
     from gmwm.choosing.replicates import Replicates
 
-GIVEN = "given"
-"""Attribute `weighting` of a `Fit` whose parameters were given and not estimated from data."""
+GIVEN = "given"  # attribute `weighting` of a `Fit` whose parameters were given and not estimated from data
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -341,7 +340,7 @@ def _of_terms(
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
             )  # fmt: skip
     for term in zero:
-        yield Remark.of("term-zero", wv.axis, case="fit", term=term)
+        yield Remark.of("term-zero", wv.axis, case="fit", term=name_in_text(term, processes[term]))
     for term, process in processes.items():
         if process.scale > 0 and term not in acts_as:
             yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

@@ -30,8 +30,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
-REWEIGHTED = ("diagonal", "optimal")
-"""Weightings that depend on the estimate."""
+REWEIGHTED = ("diagonal", "optimal")  # weightings that depend on the estimate
 
 
 @dataclass(frozen=True)
@@ -46,10 +45,8 @@ class FixedPointLimits:
     bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are the
     degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
     coverage of their intervals."""
-    mixed_iterations: int = 5
-    """Largest number of previous iterations that are combined into the next one."""
-    singular_cutoff: float = 1e-6
-    """Relative singular value below which a direction of the combination counts as zero."""
+    mixed_iterations: int = 5  # largest number of previous iterations that are combined into the next one
+    singular_cutoff: float = 1e-6  # relative singular value below which a direction of the combination counts as zero
     longest_step: float = 0.7
     """Largest change of the logarithm of a parameter by the combination, which is a factor of two."""
 
@@ -57,8 +54,7 @@ class FixedPointLimits:
 LIMITS = FixedPointLimits()
 
 
-First = Callable[[Problem], Solution]
-"""Function that solves the problem for the first time."""
+First = Callable[[Problem], Solution]  # function that solves the problem for the first time
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,7 @@ class Solution:
     start: Start
     point: ShapePoint | None = None
     curvature: Curvature | None = None
-    origin: ShapePoint | None = None
-    """Point from which the descent to `point` started."""
+    origin: ShapePoint | None = None  # point from which the descent to `point` started
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:

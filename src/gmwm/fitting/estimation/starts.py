@@ -15,7 +15,7 @@ from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.variable_projection import Coordinates, ShapePoint, Surface
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.filters import find_filter
@@ -28,8 +28,7 @@ How = Literal["convex", "given", "scan", "sampled"]
 
 # tests/estimation/test_arma_fits.py and test_surface.py pin the sizes of the scan below: no other start, including
 # random draws, may reach a smaller objective (docs/validation/starts.md has the study).
-MOST_SCANNED = 4096
-"""Largest number of points of a scan."""
+MOST_SCANNED = 4096  # largest number of points of a scan
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gmwm.base.arrays import Booleans, FrozenArrays, Integers, Matrix, Vector
-from gmwm.base.differences import Difference, DifferenceTests
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.multiple_tests import holm
+from gmwm.base.results import Difference, DifferenceTests
+from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.fitting.estimation import fit
 from gmwm.fitting.estimation.moving_condition import condition_of

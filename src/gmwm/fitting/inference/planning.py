@@ -15,8 +15,8 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
+from gmwm.base.results import Plotted
 from gmwm.base.text import Named, Summarised, align, counted, duration_text
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.problem import pose
@@ -28,10 +28,8 @@ from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 CERTAIN_ERROR = 0.5
 """Relative standard error above which a parameter is uncertain, because its 95 % interval then includes zero."""
-LONGEST_PLAN_SAMPLES = 2**40
-"""Largest number of samples of a planned recording, which is 350 years at 100 Hz."""
-LONGEST_SEARCH_RATIO = 1e4
-"""Multiple of the planned duration up to which `Plan.needed` searches."""
+LONGEST_PLAN_SAMPLES = 2**40  # largest number of samples of a planned recording, which is 350 years at 100 Hz
+LONGEST_SEARCH_RATIO = 1e4  # multiple of the planned duration up to which `Plan.needed` searches
 _LEAST, _MOST = 1e-295, 1e295
 """Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
 samples."""
@@ -89,8 +87,7 @@ class PlannedGaps:
         return Design(levels, samples, rate, segments=segments, filled=filled), share
 
 
-NONE = PlannedGaps()
-"""No gaps."""
+NONE = PlannedGaps()  # no gaps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -4,8 +4,7 @@ filter."""
 from gmwm.fitting.likelihood.correlations import autocorrelation
 from gmwm.fitting.likelihood.estimator import fit_ml
 from gmwm.fitting.likelihood.estimator import loglikelihood as loglikelihood
-from gmwm.fitting.likelihood.forecasts import Evaluation, Forecasts, evaluate
-from gmwm.fitting.likelihood.innovations import Residuals, residuals
+from gmwm.fitting.likelihood.innovations import Evaluation, Forecasts, Residuals, evaluate, residuals
 from gmwm.fitting.likelihood.integrated import ArimaFit, Forecast, fit_arima
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.tracks import Tracks, filter_tracks, predict_tracks, smooth_tracks

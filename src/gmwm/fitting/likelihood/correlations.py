@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmwm.base import statistics
 from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import ModelError, OptionError
-from gmwm.fitting.likelihood.record import as_record
-from gmwm.recording import autocorrelation as pairs
+from gmwm.fitting.likelihood.problem import as_record
 from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
@@ -79,7 +79,7 @@ def autocorrelation(
     else:
         record = as_record(data, data.rate if isinstance(data, Signal) else 1.0)
         values, count = record.values, as_lags(lags, record.observed)
-        r = pairs.autocorrelation(_normal_scores(values) if robust else values, count)
+        r = statistics.autocorrelation(_normal_scores(values) if robust else values, count)
         r[1:] *= pair_factors(values, count)
     return _partial(r) if partial else r
 
@@ -96,7 +96,7 @@ def as_lags(lags: int | None, observed: int) -> int:
 def pair_factors(values: Vector, lags: int) -> Vector:
     """Return N − k over the number of pairs of observed samples (L,) at lags k = 1 … L, which is 1 without gaps; 0 if
     there is no pair."""
-    counts = pairs.observed_pairs(values, lags)
+    counts = statistics.observed_pairs(values, lags)
     expected = np.count_nonzero(np.isfinite(values)) - np.arange(1.0, lags + 1)
     return np.divide(expected, counts, out=np.zeros(lags), where=counts > 0)
 

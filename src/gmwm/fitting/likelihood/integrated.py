@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.fitting.likelihood.estimator import fit_ml
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.tracks import BIAS, predict_tracks
 from gmwm.recording.options import as_confidence, as_whole_number

@@ -14,11 +14,11 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import ModelError
 from gmwm.base.kinds import Document
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark
+from gmwm.base.results import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.asymptotic import why_no_error
-from gmwm.fitting.likelihood.record import Record
+from gmwm.fitting.likelihood.problem import Record
 from gmwm.measuring.regression.result import Regression
 from gmwm.measuring.variance.api import wavelet_variance as measure
 from gmwm.measuring.variance.result import WaveletVariance
@@ -260,7 +260,7 @@ class LikelihoodFit(Documented, Plotted, KalmanMethods):
         OptionError
             If an option is unknown or out of range.
         """
-        from gmwm.fitting.likelihood.summary import summary
+        from gmwm.fitting.likelihood.intervals import summary
 
         return summary(self, level, method)
 
@@ -275,7 +275,7 @@ class LikelihoodFit(Documented, Plotted, KalmanMethods):
 
     def _repr_html_(self) -> str:
         """Return the summary as HTML, with the parameters as a table, for notebooks."""
-        from gmwm.fitting.likelihood.summary import as_html
+        from gmwm.fitting.likelihood.intervals import as_html
 
         return as_html(self)
 

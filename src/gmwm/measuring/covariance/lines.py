@@ -43,21 +43,11 @@ use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is
 
 @dataclass(frozen=True, eq=False)
 class TermLine:
-    """Sinusoid, with the gains of the wavelet filters of a design at its frequency.
+    """Sinusoid, with the gains of the wavelet filters of a design at its frequency."""
 
-    Attributes
-    ----------
-    power : float
-        Power P = A²/2 (u²) of a sinusoid of amplitude A.
-    cycles : float
-        Frequency (cycles per sample), within ±½.
-    gain : (J,) complex array
-        Gains H_j of the wavelet filters of all levels.
-    """
-
-    power: float
-    cycles: float
-    gain: NDArray[np.complex128]
+    power: float  # power P = A²/2 (u²) of a sinusoid of amplitude A
+    cycles: float  # frequency (cycles per sample), within ±½
+    gain: NDArray[np.complex128]  # (J,) gains H_j of the wavelet filters of all levels
 
     @property
     def amplitude(self) -> float:

@@ -20,16 +20,12 @@ from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
-from gmwm.measuring.inspection.axis_statistics import AxisStatistics
+from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_change, motion_of, still_parts
 from gmwm.measuring.inspection.jumps import jumps_of
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
-from gmwm.measuring.inspection.motion import level_change, motion_of
-from gmwm.measuring.inspection.positions import still_parts
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
-from gmwm.measuring.inspection.saturation import Ends, Saturation, saturation_of
-from gmwm.measuring.inspection.swings import swing_of
-from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import trend_of
+from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, saturation_of
+from gmwm.measuring.inspection.trends import swing_of, trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
@@ -38,8 +34,7 @@ from gmwm.recording.repairs import axes_with_two_levels, repaired
 from gmwm.recording.resolution import Sample, before_rounding, is_counter, step_of
 from gmwm.recording.signals import Imu, Signal
 
-_SLOWEST = 10.0
-"""Smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples."""
+_SLOWEST = 10.0  # smallest bandwidth (Hz) of a sensor for its noise density. Slower logs keep some of the samples
 
 Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""

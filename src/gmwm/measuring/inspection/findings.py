@@ -13,21 +13,18 @@ from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
+    from gmwm.measuring.inspection.axis_statistics import Motion
     from gmwm.measuring.inspection.knocks import Knock, Step
-    from gmwm.measuring.inspection.motion import Motion
     from gmwm.measuring.inspection.result import AxisInspection, Inspection
-    from gmwm.measuring.inspection.saturation import Saturation
-    from gmwm.measuring.inspection.swings import Swing
-    from gmwm.measuring.inspection.time_grid import Extent
-    from gmwm.measuring.inspection.trends import Trend
+    from gmwm.measuring.inspection.time_grid import Extent, Saturation
+    from gmwm.measuring.inspection.trends import Swing, Trend
     from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0
 """Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg
 (tests/test_inspection_limits.py, as all limits here)."""
 
-_NOISY = 0.1
-"""Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
+_NOISY = 0.1  # noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)
 
 
 def is_made_again(remark: Remark) -> bool:

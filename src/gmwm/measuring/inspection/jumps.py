@@ -12,9 +12,8 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
-from gmwm.measuring.inspection.swings import best_swing
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import FEWEST, TrendTest, longest_means
+from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
 from gmwm.measuring.inspection.wander import Likelihood
 
 if TYPE_CHECKING:
@@ -39,10 +38,8 @@ _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2)
 _MORE = 16.0
 """Additional reduction for each further jump, if several are found together: that of a place among 256 blocks, 11, and
 of a size, with a margin (validation/study_faults.py)."""
-_FIRST = 3
-"""Blocks at the beginning and the end in which a change is treated as a warm-up."""
-MOST = 10
-"""Largest number of jumps of an axis. More of them are noise, such as two levels."""
+_FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
+MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
 
 class _Jump(NamedTuple):

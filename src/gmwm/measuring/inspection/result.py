@@ -12,8 +12,7 @@ from gmwm.base.template import render
 from gmwm.base.text import Summarised, counted, duration_text, moment
 from gmwm.base.time_base import TimeBase
 from gmwm.measuring.inspection.knocks import Knock, Step
-from gmwm.measuring.inspection.swings import Swing
-from gmwm.measuring.inspection.trends import Trend
+from gmwm.measuring.inspection.trends import Swing, Trend
 from gmwm.measuring.regression.result import Regression
 
 

@@ -1,11 +1,13 @@
-"""Segments of a recording, their times, and windows of equal length."""
+"""Segments of a recording, their times, windows of equal length, and outputs clipped at the end of the range."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,3 +86,120 @@ class Extent:
             edges = [first + (last - first) * k // count for k in range(count + 1)]
             windows += list(pairwise(edges))
         return windows
+
+
+_SHARE = 1e-3
+"""Smallest share of samples at an extreme value that is reported. Gaussian noise that is clipped there loses 0.1 % of
+its standard deviation (tests/test_inspection_faults.py, as the next constants)."""
+_LEAST = 10  # smallest number of samples at an extreme value
+_EXPECTED = 30.0
+"""Number of samples that Gaussian noise would have beyond the extreme value, whose absence is not chance."""
+
+
+_FINE = 3.0
+"""Quantization steps between neighbouring samples that differ, as median. From it on, rounding does not shape the
+tails. Such Gaussian noise has a standard deviation of at least three steps."""
+_NORMAL = NormalDist()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saturation:
+    """Samples of an axis at its smallest or largest value. `share` is their share, `value` the value at which there
+    are most of them, and `loss` the share of its standard deviation that Gaussian noise loses. `matters` is whether
+    N loses more than half the 95 % confidence interval of white noise."""
+
+    axis: str
+    share: float
+    value: float
+    loss: float
+    matters: bool
+
+
+class Extremes:
+    """The largest value of an axis, the next smaller one, and their numbers of samples, from samples in any parts."""
+
+    def __init__(self) -> None:
+        self.levels = np.empty(0)
+        self.counts = np.empty(0, dtype=np.int64)
+
+    def update(self, values: Vector) -> None:
+        """Add samples."""
+        if not values.size:
+            return
+        largest = float(np.max(values))
+        smaller = values[values < largest]
+        new = [largest, float(np.max(smaller))] if smaller.size else [largest]
+        levels = np.unique([*self.levels.tolist(), *new])[-2:]
+        counts = [int(np.count_nonzero(values == level)) + self._count(level) for level in levels]
+        self.levels, self.counts = levels, np.array(counts)
+
+    def _count(self, level: float) -> int:
+        at = np.flatnonzero(self.levels == level)
+        return int(self.counts[at[0]]) if at.size else 0
+
+    def is_clipped(self, samples: int, step: float, noise: float) -> bool:
+        """Return whether the noise would extend beyond the largest value. `step` is the quantization step, 0 if none is
+        visible, and `noise` the standard deviation before rounding.
+
+        The logarithm of the probabilities of the values of rounded Gaussian noise has the second difference −step²/σ².
+        The two largest values with n_1 and n_0 samples predict n_1²/n_0 · exp(−step²/σ²) samples beyond. A mean that
+        varies makes the tail longer.
+        """
+        if self.levels.size < 2 or self.counts[-1] < max(_SHARE * samples, _LEAST):
+            return False
+        if not step:
+            return True
+        if not noise > 0:
+            return False
+        return bool(self.counts[-1] ** 2 / self.counts[-2] * math.exp(-((step / noise) ** 2)) > _EXPECTED)
+
+
+class Ends:
+    """Both ends of the range of an axis (`low` has those of the negative samples), and how far its samples move."""
+
+    def __init__(self) -> None:
+        self.low, self.high = Extremes(), Extremes()
+        self._moves = list[float]()
+
+    def update(self, values: Vector) -> None:
+        """Add samples."""
+        self.low.update(-values)
+        self.high.update(values)
+        stride = max(1, values.size // 20_000)  # so that a batch of any length costs little
+        moves = np.abs(values[1::stride] - values[:-1:stride])
+        if np.any(moves):
+            self._moves.append(float(np.median(moves[moves > 0])))
+
+    def is_fine(self, step: float) -> bool:
+        """Return whether most changes from one sample to the next are many quantization steps. Clipped samples hide the
+        noise from an estimate of its standard deviation, but not from this test."""
+        return bool(self._moves) and float(np.median(self._moves)) > _FINE * step
+
+
+def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: float) -> Saturation | None:
+    """Return the share of clipped samples of an axis; None if it is not clipped. Arguments as in `is_clipped`."""
+    if ends.is_fine(step):
+        step = 0.0
+    clipped = [
+        (int(side.counts[-1]), sign * float(side.levels[-1]))
+        for side, sign in ((ends.low, -1.0), (ends.high, 1.0))
+        if side.is_clipped(samples, step, noise)
+    ]
+    if not clipped:
+        return None
+    share = sum(count for count, _ in clipped) / samples
+    loss = _loss([count / samples for count, _ in clipped]) if share < 1 else 1.0
+    return Saturation(
+        axis=axis, share=share, value=max(clipped)[1], loss=loss, matters=loss > 1.96 / math.sqrt(2 * samples)
+    )
+
+
+def _loss(shares: list[float]) -> float:
+    """Return the share of the standard deviation that Gaussian noise loses if these shares are clipped at its ends."""
+    variance, shift = 1.0, 0.0
+    for sign, share in zip((1.0, -1.0), shares, strict=False):
+        end = _NORMAL.inv_cdf(1 - share)
+        density = _NORMAL.pdf(end)
+        variance -= end * density + share - end**2 * share
+        shift += sign * (density - end * share)
+    return 1 - math.sqrt(max(variance - shift**2, 0.0))

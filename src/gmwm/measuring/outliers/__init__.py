@@ -1,10 +1,16 @@
 """Test a recording for outliers, and distinguish knocks and wrong samples from heavy-tailed noise."""
 
 from gmwm.measuring.outliers.bursts import MATERIAL, Bursts, find_bursts
-from gmwm.measuring.outliers.cleaning import Cleaned, cleaned
-from gmwm.measuring.outliers.dependence import Dependence, dependence, other_efficiency
-from gmwm.measuring.outliers.ratio_test import TOLERANCE, Verdict, contamination, excess_text
-from gmwm.measuring.outliers.screening import Replaced, Screen, Screening, screened
+from gmwm.measuring.outliers.cleaning import Cleaned, Replaced, Screen, Screening, cleaned, screened
+from gmwm.measuring.outliers.ratio_test import (
+    TOLERANCE,
+    Dependence,
+    Verdict,
+    contamination,
+    dependence,
+    excess_text,
+    other_efficiency,
+)
 from gmwm.measuring.outliers.spikes import Spikes, find_spikes, repaired
 
 __all__ = [

@@ -1,4 +1,7 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes."""
+"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes.
+
+Another test tells whether a robust wavelet variance depends on its efficiency because of too many outliers.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +12,111 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import FrozenArrays, Vector, as_vector
+from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
 from gmwm.base.text import Summarised, round_text
 from gmwm.measuring.covariance import Design
-from gmwm.measuring.covariance.ratio import ratio_errors, ratio_law
-from gmwm.measuring.outliers.bursts import Bursts
-from gmwm.measuring.outliers.dependence import Dependence
-from gmwm.measuring.outliers.screening import NOTHING_REPLACED, Replaced, Screen, screened
+from gmwm.measuring.covariance.api import ratio_variances
+from gmwm.measuring.covariance.mixture import mixture
+from gmwm.measuring.covariance.robust import ratio_skewness
+from gmwm.measuring.outliers.bursts import MATERIAL, Bursts
+from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED, Replaced, Screen, screened
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import as_size
 from gmwm.recording.signals import Signal
-from gmwm.theory.processes.model import ModelLike
+from gmwm.theory.processes.model import ModelLike, as_model
+
+
+def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | None) -> Vector:
+    """Compute the standard errors of log(ν̂²/ν̃²) in Gaussian noise at the levels in `tested`, for the classical ν̂²
+    and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
+    if not np.any(tested):
+        return np.empty(0)
+    whole = Design.of(robust)
+    if model is None:
+        there = robust.variance > 0
+        # Scaling by a power of two causes no rounding error and keeps fourth powers within the range of numbers.
+        unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
+        design = whole.only(there)
+        _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], design)
+    else:
+        noise = as_model(model)
+    square = ratio_variances(noise, whole.only(tested))
+    assert robust.efficiency is not None
+    beyond = 2 / robust.efficiency - 2
+    # If the model has no noise, only a drift, one in 2^j coefficients counts as independent.
+    square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
+    outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
+    fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
+    # Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux
+    # 1993, JASA 88).
+    square *= np.where(fallen, max((2 / 0.3675 - 2) / beyond, 1.0), 1.0)
+    return np.sqrt(square)
+
+
+def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
+    """Approximate the distribution of log(ν̂²/ν̃²) / `error` by (G − k) / √k with a gamma variable G of the same
+    skewness. Returns the shape k, and the argument of `scipy.special.gammaincc` for a larger ratio than `place`."""
+    # Factor by which overlapping coefficients increase the skewness; it is 1.1 to 1.45 in simulations.
+    # tests/covariance/test_ratio.py and docs/validation/contamination-test.md measure the size of the resulting test.
+    shape = (2 / (1.3 * ratio_skewness(efficiency) * error)) ** 2
+    return shape, np.maximum(shape + place * np.sqrt(shape), 0.0)
+
+
+LOW, HIGH = 0.6, 0.9
+"""Efficiencies that are compared: the default, and an efficiency that tolerates fewer and smaller outliers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependence(Documented):
+    """Two robust variances of the same scale `tau` (s) that differ by more than chance explains. `efficiency` and
+    `value` are those of the fitted curve, the others those of the curve that it is compared with."""
+
+    tau: float
+    efficiency: float
+    value: float
+    other_efficiency: float
+    other_value: float
+
+
+def other_efficiency(efficiency: float) -> float:
+    """Return the efficiency of the robust curve with which a curve of the given efficiency is compared.
+
+    >>> other_efficiency(0.6), other_efficiency(0.95)
+    (0.9, 0.6)
+    """
+    return HIGH if efficiency < 0.5 * (LOW + HIGH) else LOW
+
+
+def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
+    """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
+    None. The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the
+    curves therefore has at most the variance of the log ratio of the classical curve to the less efficient one, whose
+    standard errors are in the `verdict` on `robust`. A difference of 1 % is tolerated."""
+    from scipy.special import ndtri
+
+    assert robust.efficiency is not None
+    assert other.efficiency is not None
+    usable = verdict.tested & (robust.variance > 0) & (other.variance > 0)
+    if not np.any(usable):
+        return None
+    apart = np.abs(np.log(other.variance[usable] / robust.variance[usable]))
+    error = verdict.standard_errors[usable]
+    if other.efficiency < robust.efficiency:
+        # The standard errors of an efficient curve are smaller: 1 / e - 1 is the variance of uncorrelated coefficients.
+        error = error * np.sqrt((1 / other.efficiency - 1) / (1 / robust.efficiency - 1))
+    limit = MATERIAL - float(ndtri(verdict.size / (2 * apart.size * verdict.comparisons))) * error
+    if not np.any(apart > limit):
+        return None
+    k = int(np.flatnonzero(usable)[np.argmax(apart / limit)])
+    return Dependence(
+        tau=float(robust.tau[k]), efficiency=robust.efficiency, value=float(robust.variance[k]),
+        other_efficiency=other.efficiency, other_value=float(other.variance[k]),
+    )  # fmt: skip
+
 
 LEAST_FREEDOM = 30.0
 """Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
@@ -34,8 +127,7 @@ COARSE, COARSEST = 0.4, 0.54
 In white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the first one, the ratio
 depends by up to 15 % on the position of the mean between two steps; above the second one, at every level, because the
 mean drifts from step to step (docs/validation/contamination-test.md)."""
-TOLERANCE = 0.02
-"""Default of the relative excess that is not reported as outliers."""
+TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
@@ -103,7 +195,7 @@ class Verdict(FrozenArrays, Documented, Summarised):
     dependence: Dependence | None = None
 
     @property
-    def tested(self) -> NDArray[np.bool_]:
+    def tested(self) -> Booleans:
         """Whether each level is tested, a (J,) array."""
         return np.array([int(j) not in self.left_out for j in self.levels], dtype=np.bool_)
 
@@ -118,14 +210,14 @@ class Verdict(FrozenArrays, Documented, Summarised):
         return self.exceeds and not self.contaminated
 
     @property
-    def exceeding(self) -> NDArray[np.bool_]:
+    def exceeding(self) -> Booleans:
         """Whether the excess of each level reaches its critical value, a (J,) array."""
         return np.asarray(
             self.tested & (np.nan_to_num(self.excess, nan=-1.0) >= np.nan_to_num(self.critical, nan=np.inf))
         )
 
     @property
-    def lighter(self) -> NDArray[np.bool_]:
+    def lighter(self) -> Booleans:
         """Whether the robust variance of each level exceeds the classical one by more than chance: drift or rounding,
         (J,)."""
         from scipy.special import gammainc
@@ -358,7 +450,7 @@ def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     return left_out
 
 
-def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
+def _ruled_by_steps(zeros: Vector) -> Booleans:
     """Return the levels whose ratio depends on the quantization steps, from the share of zeros at each level."""
     if np.max(zeros) > COARSEST:
         return np.ones(zeros.size, dtype=np.bool_)

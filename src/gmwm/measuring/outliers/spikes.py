@@ -28,30 +28,24 @@ the rates of correct and wrong decisions with the constants of this file."""
 MORE = 1.6
 """Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
 variance."""
-CERTAIN = 1e-6
-"""Largest probability, under the bulk, of the number of residuals beyond θ."""
+CERTAIN = 1e-6  # largest probability, under the bulk, of the number of residuals beyond θ
 FALSE = 0.1
 """Largest expected share of correct samples among the residuals beyond θ. As many residuals, chosen at random, are
 kept."""
-LEAST = 4.0
-"""Smallest threshold, in local standard deviations."""
-MOST = 0.1
-"""Largest share of spikes among the samples."""
+LEAST = 4.0  # smallest threshold, in local standard deviations
+MOST = 0.1  # largest share of spikes among the samples
 RUN = 3
 """Largest number of neighbouring samples that can all be spikes. An encoder error, for example, changes two rates."""
 CROWD, NEAR = 6, 10
 """Largest number of spikes within `NEAR` samples on either side; more spikes form a cluster, which is a knock."""
-CLEAR = 100
-"""Distance (samples) from a cluster within which no sample is treated as a spike."""
+CLEAR = 100  # distance (samples) from a cluster within which no sample is treated as a spike
 _REACHES = (3, 12)
 """Numbers of neighbours on each side: the nearest predict best behind a low-pass filter, many in white noise."""
-_FEW = 12
-"""Number of spikes below which no residual may be between θ / 2 and θ."""
+_FEW = 12  # number of spikes below which no residual may be between θ / 2 and θ
 _POWER_LAW = 1.25
 """Largest exponent of a power law of sizes below which smaller ones are more frequent. It is 1 for a Cauchy
 distribution, and 1.5 for Gaussian sizes of 8 standard deviations (tests/outliers/test_spikes.py)."""
-_BULK = 50_000
-"""Number of residuals from which the spread and the tails of the bulk are estimated."""
+_BULK = 50_000  # number of residuals from which the spread and the tails of the bulk are estimated
 _PRECISE = 500_000
 """The same number for a recording with spikes: 0.3 % of samples at 6 standard deviations add 10 % to the variance."""
 _BIN, _NONE = 0.25, 0.005

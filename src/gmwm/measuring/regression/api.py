@@ -17,7 +17,7 @@ from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.gaps.restarts import restarts
+from gmwm.recording.gaps.gaps import restarts
 from gmwm.recording.signals import Signal
 
 TEMPERATURE_PVALUE = 0.05

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.measuring.regression.against import TEMPERATURE, Asked, CovariateTerm
 from gmwm.measuring.regression.api import effect_of, regress_axis, without
 from gmwm.measuring.regression.blocks import BlockClock, usual_length
@@ -194,5 +193,4 @@ def _is_requested(asked: Asked, temperature: bool) -> bool:
     return bool(asked.terms) or (asked.automatic and temperature)
 
 
-NOTHING = Conditions()
-"""Conditions of a recording without a regression."""
+NOTHING = Conditions()  # conditions of a recording without a regression

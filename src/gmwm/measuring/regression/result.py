@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, duration_text
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.covariates import Basis, Column
 from gmwm.measuring.variance.result import WaveletVariance

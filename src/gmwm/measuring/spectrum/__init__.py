@@ -1,7 +1,6 @@
 """Power spectral density of a signal, with the lines and bumps in it."""
 
-from gmwm.measuring.spectrum.accumulate import SpectrumAccumulator
-from gmwm.measuring.spectrum.api import psd
+from gmwm.measuring.spectrum.api import SpectrumAccumulator, psd
 from gmwm.measuring.spectrum.line import Bump, Line
 from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.spectrum.level import FLANK_SHARE, effective_freedom, flanks
-from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.spectrum.line import FLANK_SHARE, Bump, Line, effective_freedom, flanks
 from gmwm.measuring.spectrum.narrow import FAR, FIRST_BIN, LEAST_FLANK, NEAR, narrow_lines
 from gmwm.measuring.spectrum.welch import ENERGY_WIDTH, nominal_freedom
 from gmwm.measuring.spectrum.wide import wide_peaks

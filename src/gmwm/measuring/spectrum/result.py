@@ -14,13 +14,10 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised, counted
-from gmwm.measuring.axis_results import AxisResults
-from gmwm.measuring.confidence_limits import chi_square_limits
-from gmwm.measuring.spectrum.level import pooled_freedom
-from gmwm.measuring.spectrum.line import Bump, Line
+from gmwm.measuring.axis_results import AxisResults, chi_square_limits
+from gmwm.measuring.spectrum.line import Bump, Line, pooled_freedom
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 from gmwm.recording.options import as_confidence, as_whole_number
 

@@ -11,8 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
-from gmwm.measuring.spectrum.level import flanks, p_values, pooled_freedom
-from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, lorentz_fit, measured_line
+from gmwm.measuring.spectrum.line import (
+    LEAST_QUALITY,
+    Bump,
+    Line,
+    flanks,
+    lorentz_fit,
+    measured_line,
+    p_values,
+    pooled_freedom,
+)
 from gmwm.measuring.spectrum.narrow import FIRST_BIN
 
 if TYPE_CHECKING:
@@ -20,8 +28,7 @@ if TYPE_CHECKING:
 
 RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
 """Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
-NEAR, FAR = 4, 11
-"""Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins."""
+NEAR, FAR = 4, 11  # Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins
 INNER, OUTER = 1, 5
 """Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
 than half of that within one bin, so that the flanks are outside the peak."""

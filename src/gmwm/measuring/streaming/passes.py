@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from gmwm.base.axis_names import axis_quantity
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT
+from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
@@ -28,8 +27,7 @@ if TYPE_CHECKING:
 
     from gmwm.files.readers.streams import Stream
 
-Change = Callable[[Signal], Signal]
-"""Function that changes the samples of an axis before their gaps are filled."""
+Change = Callable[[Signal], Signal]  # function that changes the samples of an axis before their gaps are filled
 
 
 class Measurement(Protocol):

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.threads import one_at_a_time
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.measuring.variance.coefficients import require_digits

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Booleans, Vector
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Remark, texts
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised, with_article
 from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.measuring.variance.allan import allan_variance
@@ -104,8 +104,7 @@ class SlopeLine:
         return np.asarray(law.factor * self.coefficient * np.asarray(tau, dtype=np.float64) ** law.slope)
 
 
-_Reason = Literal["slope", "chance", "few", "rising"]
-"""Reason why a term is not found."""
+_Reason = Literal["slope", "chance", "few", "rising"]  # reason why a term is not found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

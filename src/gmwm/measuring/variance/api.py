@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.axis_results import rate_of_array, signals_of
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits, rate_of_array, signals_of
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
     CoefficientSource,

@@ -11,10 +11,9 @@ import numpy as np
 from gmwm.base.arrays import Integers, Vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
-from gmwm.base.plotting import Plotted
+from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised
-from gmwm.measuring.axis_results import ResultsByAxis, rate_words, signals_of
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import ResultsByAxis, chi_square_limits, rate_words, signals_of
 from gmwm.measuring.variance.noise_type import NoiseType, noise_type
 from gmwm.measuring.variance.phase import Data, Phase
 from gmwm.recording.chunks import MINIMUM_SAMPLES

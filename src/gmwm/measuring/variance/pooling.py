@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.transform import pooled_counts
 from gmwm.theory.filters import find_filter

@@ -13,12 +13,10 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Integers, Matrix, Vector, as_rate, as_vector, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.frames import Tabular
-from gmwm.base.plotting import Plotted
 from gmwm.base.remarks import Quantity, Remark, texts
+from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised, counted
-from gmwm.measuring.axis_results import AxisResults, rate_words
-from gmwm.measuring.confidence_limits import chi_square_limits
+from gmwm.measuring.axis_results import AxisResults, chi_square_limits, rate_words
 from gmwm.measuring.variance.robust import LARGE_SHARE
 from gmwm.measuring.variance.transform import (
     Transform,

@@ -20,8 +20,7 @@ from gmwm.base.arrays import Matrix, Vector, as_vector
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
 from gmwm.measuring.variance.coefficients import SAMPLED_COEFFICIENTS, CoefficientSource, PlainCoefficients
 
-LOG_TOLERANCE = 1e-11
-"""Predicted error of log σ² below which a level has converged."""
+LOG_TOLERANCE = 1e-11  # predicted error of log σ² below which a level has converged
 MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
 

@@ -374,8 +374,7 @@ class SegmentState:
         )  # fmt: skip
 
 
-LARGEST_SUM = 1e140
-"""Limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow."""
+LARGEST_SUM = 1e140  # limit of a stored sample or sum of samples. The sum of the squares of larger numbers may overflow
 
 
 def as_count(value: Any, least: int = 0) -> int:

@@ -20,7 +20,7 @@ from gmwm.base.time_base import lost_before
 from gmwm.recording.batches import Batch, end_to_end, join_batches
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
-from gmwm.recording.gaps.restarts import restarts
+from gmwm.recording.gaps.gaps import restarts
 from gmwm.recording.signals import Signal
 
 
@@ -152,25 +152,12 @@ def _joined(window: Sequence[Batch], axis: str) -> Signal:
 
 
 class Filling:
-    """Plan for filling the gaps of an axis in a block.
+    """Plan for filling the gaps of an axis in a block, which is given with its context. A gap belongs to the block of
+    the sample after it.
 
-    A gap belongs to the block of the sample after it.
-
-    Parameters
-    ----------
-    signal : Signal
-        The block with its context.
-    lost : (m,) int array
-        Number of samples to fill in before each segment but the first; 0 for gaps that are kept.
-    first, last : int
-        Half-open range of the known samples of the block, or of the last part of them.
-    seed : int
-        Number of the block.
-
-    Attributes
-    ----------
-    continues : bool
-        Whether the gap before the first sample is filled, or there is none.
+    `lost` (m,) is the number of samples to fill in before each segment but the first, 0 for gaps that are kept. `first`
+    and `last` are the half-open range of the known samples of the block, or of the last part of them, and `seed` is its
+    number. `continues` tells whether the gap before the first sample is filled, or there is none.
     """
 
     def __init__(self, signal: Signal, lost: NDArray[np.int64], *, first: int, last: int, seed: int) -> None:

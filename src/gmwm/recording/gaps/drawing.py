@@ -36,46 +36,27 @@ Range = tuple[int, int]
 
 PREDICTING_NEIGHBOURS = 32
 """Number of neighbours on each side that predict a lost sample. All constants here are measured in tests/filling."""
-LONGEST_PREDICTED_SAMPLES = 64
-"""Longest gap (samples) that is predicted from neighbours."""
-WIDEST_MEAN_SAMPLES = 1 << 16
-"""Largest width w of the means on both sides of a gap (samples)."""
+LONGEST_PREDICTED_SAMPLES = 64  # longest gap (samples) that is predicted from neighbours
+WIDEST_MEAN_SAMPLES = 1 << 16  # largest width w of the means on both sides of a gap (samples)
 _RIDGE = 1e-3
 """White noise that is added to the autocovariance, relative to the variance. It limits the weights of neighbours, which
 may be lost themselves, where a signal is smooth."""
 _TRAINING, _WINDOWS = 1 << 14, 1 << 12
 """Numbers of positions in the signal from which the width, and the autocovariance, are estimated."""
-_CLEAN = 8
-"""Number of samples that must also be known on each side of the position from which a residual is taken."""
-_TRIALS = 64
-"""Largest number of trials to find such a position."""
+_CLEAN = 8  # number of samples that must also be known on each side of the position from which a residual is taken
+_TRIALS = 64  # largest number of trials to find such a position
 _SWEEPS, _GROUPS = 3, 4
 """Number of draws of each sample, because lost neighbours depend on each other, and number of groups of gaps that are
 drawn in turn."""
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:
-    """Replace the samples that are not present by draws from their conditional distribution given the others.
+    """Replace the samples (N,) that are not `present` by draws from their conditional distribution given the others.
 
-    Parameters
-    ----------
-    values : (N,) array
-        Samples at equal intervals. Those that are not present are ignored.
-    present : (N,) bool array
-        Whether each sample is known.
-    seed : int
-        Seed of the draws. Signals with the same losses get residuals from the same positions, so that the covariance of
-        two axes is kept.
-    cuts : sequence of int
-        Indices of samples at which a new range of the signal begins. No gap extends from one range to the next.
+    Signals with the same losses and seed get residuals from the same positions, so that the covariance of two axes is
+    kept. `cuts` are the indices of samples at which a new range of the signal begins. No gap extends from one range to
+    the next.
 
-    Returns
-    -------
-    (N,) array
-        The values where they are present, and draws elsewhere.
-
-    Examples
-    --------
     >>> x = np.random.default_rng(1).normal(size=10_000)
     >>> present = np.ones(x.size, dtype=bool)
     >>> present[::10] = False
@@ -127,23 +108,12 @@ class _Gaps(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """The known samples of a signal.
+    """The known samples of a signal."""
 
-    Attributes
-    ----------
-    values : (N,) array
-        Samples minus their mean; 0 where they are lost.
-    present : (N,) bool array
-    before : (N + 1,) int array
-        Number of known samples before each sample.
-    path : (n + 1,) array
-        Running sum of the n known samples.
-    """
-
-    values: Vector
-    present: NDArray[np.bool_]
-    before: Places
-    path: Vector
+    values: Vector  # (N,) samples minus their mean; 0 where they are lost
+    present: NDArray[np.bool_]  # (N,)
+    before: Places  # (N + 1,) number of known samples before each sample
+    path: Vector  # (n + 1,) running sum of the n known samples
 
     @classmethod
     def of(cls, values: Vector, present: NDArray[np.bool_]) -> _Known:
@@ -226,21 +196,11 @@ def _autocovariance(
 
 @dataclass(frozen=True, eq=False)
 class _Prediction:
-    """Prediction of the samples of a gap from the level and the neighbours on each side.
+    """Prediction of the samples of a gap from the level and the neighbours on each side."""
 
-    Attributes
-    ----------
-    near : int
-        Number of neighbours on each side.
-    width : int
-        Width of the means that give the level.
-    covariance : (n, n) array
-        Covariance of consecutive samples about the level; n is at least 4 `near`.
-    """
-
-    near: int
-    width: int
-    covariance: Matrix
+    near: int  # number of neighbours on each side
+    width: int  # width of the means that give the level
+    covariance: Matrix  # (n, n) covariance of consecutive samples about the level; n is at least 4 `near`
 
     @classmethod
     def of(cls, known: _Known, ranges: Sequence[Range], rng: np.random.Generator) -> _Prediction:

@@ -1,4 +1,9 @@
-"""Decide which gaps of a recording are filled."""
+"""Decide which gaps of a recording are filled.
+
+A gap after which a sensor has another offset, because it restarted, is not filled, because the jump would look like a
+random walk. The test compares the difference of the means of w samples before and after the gap with the same
+difference at other places, so that drift is not mistaken for a restart.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +13,19 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base.arrays import Vector
 from gmwm.base.time_base import lost_before
 from gmwm.recording.gaps.drawing import LONGEST_PREDICTED_SAMPLES
 
 AROUND, LEAST_AROUND = 32, 1024
 """The neighbourhood of a gap of g samples has max(32 g, 1024) samples on each side, but at most `CONTEXT`, and fewer at
 an end of the recording. All constants here are measured in tests/filling."""
-LEAST_NEIGHBOUR_SHARE = 0.75
-"""Smallest share of the neighbourhood that must be known for a gap to be filled."""
+LEAST_NEIGHBOUR_SHARE = 0.75  # smallest share of the neighbourhood that must be known for a gap to be filled
 BESIDE, BESIDE_LONG = 2, 16
 """Smallest number of known samples on each side of a gap, as a multiple of its length. The first value is for gaps that
 are predicted from neighbours, the second for longer gaps, after which a sensor may have another offset. Both also apply
 near the ends of the recording."""
-LONGEST_FILLED_SAMPLES = 1 << 13
-"""Longest gap that is filled (samples)."""
+LONGEST_FILLED_SAMPLES = 1 << 13  # longest gap that is filled (samples)
 CONTEXT = BESIDE_LONG * LONGEST_FILLED_SAMPLES
 """Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
 BLOCK_SAMPLES = 1 << 20
@@ -94,3 +98,133 @@ def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.
         )
         accepted[subset] = np.all(counts >= least, axis=0)
     return accepted
+
+
+LEAST, SHARE = 16, 16
+"""Smallest width w, and smallest number of widths in a recording, so that the usual difference is known accurately
+enough. All constants here are measured in tests/filling/test_restarts.py."""
+LEAST_JUMP = 6.0  # smallest size of a jump at a gap, in standard deviations of the usual differences
+_NEARER = 12.0
+"""A jump is assigned to another place than the gap if its log likelihood there is larger by half this value. In white
+noise, 0.5 % of the jumps at a gap are assigned wrongly."""
+_SLOPE = 0.5
+"""Smallest share of a jump that must remain after the slopes on both sides are subtracted. Nothing remains of a
+ramp."""
+_PLACES = 1 << 13  # number of places from which the usual difference is estimated
+
+Places = NDArray[np.int64]
+
+
+def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) -> NDArray[np.bool_]:
+    """Return a mask (m,) of the gaps after which the sensor has another offset, from the known samples, the first
+    sample after each gap, the number of samples lost in it, and the indices at which a new range of the signal begins.
+
+    The signal is cut at the largest jump before the next one is searched, so that one restart is not counted at every
+    gap near it.
+
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[10_000:] += 2
+    >>> restarts(x, np.array([5_000, 9_900, 10_000]), np.array([1, 1, 1]), ())
+    array([False, False,  True])
+    """
+    flags = np.zeros(places.size, dtype=np.bool_)
+    differences = _Differences(values, int(lost.max(initial=0)))
+    if not differences.widths:
+        return flags
+    edges, open_ = [0, *cuts, values.size], np.ones(places.size, dtype=np.bool_)
+    octaves = np.ceil(np.log2(np.maximum(lost, 1))).astype(np.int64)
+    before, after = _edges(places, edges)
+    ratios, widths = differences.ratios(places, octaves, np.minimum(places - before, after - places))
+    elsewhere = 0
+    while np.any(open_):
+        k = int(np.argmax(np.where(open_, ratios, 0.0)))
+        if not open_[k] or ratios[k] < LEAST_JUMP:
+            break
+        open_[k] = False
+        width, octave, place = int(widths[k]), int(octaves[k]), int(places[k])
+        least, most = int(before[k]) + LEAST, int(after[k]) - LEAST
+        near = np.arange(max(place - width, least), min(place + width, most) + 1)
+        gains = differences.gains(near, place, octave=octave, width=width)
+        indices = np.flatnonzero(np.isin(near, places))
+        nearest = indices[np.argmax(gains[indices])]
+        best = nearest if gains[nearest] > np.max(gains) - _NEARER else np.argmax(gains)
+        jump = int(near[best])
+        if differences.is_steep(jump, octave, min(width, jump - int(before[k]), int(after[k]) - jump)):
+            flags |= (places == jump) & (best == nearest)
+            open_ &= places != jump
+            elsewhere += int(best != nearest)
+            edges.append(jump)
+            before, after = _edges(places, edges)
+            ratios, widths = differences.ratios(places, octaves, np.minimum(places - before, after - places))
+    # If a sensor jumps more often at other places than at gaps, its jumps are not restarts.
+    return flags if np.count_nonzero(flags) > elsewhere else np.zeros_like(flags)
+
+
+def _edges(places: Places, edges: Sequence[int]) -> tuple[Places, Places]:
+    """Return the nearest edges before and after each place."""
+    bounds = np.unique(edges)
+    after = np.searchsorted(bounds, places, side="right")
+    return bounds[after - 1], bounds[np.minimum(after, bounds.size - 1)]
+
+
+class _Differences:
+    """Differences between the means of w samples before and after places of a signal, and their usual size, for all
+    `widths` w."""
+
+    def __init__(self, values: Vector, longest: int) -> None:
+        most = min(values.size // SHARE, CONTEXT // 2)
+        self.widths = [LEAST << k for k in range(max(most // LEAST, 0).bit_length())]
+        self._values = values - values.mean()
+        self._path = np.concatenate([[0.0], np.cumsum(self._values)])
+        self._floor = 1e-9 * float(np.max(np.abs(self._values), initial=0.0)) + np.finfo(float).tiny
+        self._usual: dict[tuple[int, int], tuple[float, float]] = {}
+
+    def at(self, places: Places, width: int, lost: int = 0) -> Vector:
+        """Return for each place the mean of the `width` samples that begin `lost` samples after it, minus the mean of
+        the `width` samples before it."""
+        path, behind = self._path, places + lost
+        return np.asarray((path[behind + width] - path[behind] - path[places] + path[places - width]) / width)
+
+    def usual(self, width: int, octave: int) -> tuple[float, float]:
+        """Return the median difference across 2^octave samples, and the standard deviation about it."""
+        if (width, octave) not in self._usual:
+            lost = 1 << octave
+            most = self._values.size - width - lost
+            if most <= width:
+                return 0.0, np.inf
+            every = np.linspace(width, most, min(_PLACES, most - width + 1)).astype(np.int64)
+            differences = self.at(every, width, lost)
+            middle = float(np.median(differences))
+            spread = float(np.median(np.abs(differences - middle))) / 0.67449
+            self._usual[width, octave] = middle, max(spread, self._floor)
+        return self._usual[width, octave]
+
+    def ratios(self, places: Places, octaves: Places, room: Places) -> tuple[Vector, Places]:
+        """Return the absolute difference at each place in standard deviations, and its width. Of the widths up to
+        `room`, the one with the smallest standard deviation is used."""
+        ratio, chosen = np.zeros(places.size), np.zeros(places.size, dtype=np.int64)
+        spread = np.full(places.size, np.inf)
+        for octave in np.unique(octaves).tolist():
+            for width in self.widths:
+                middle, usual = self.usual(width, octave)
+                subset = np.flatnonzero((octaves == octave) & (room >= width) & (usual < spread))
+                ratio[subset] = np.abs(self.at(places[subset], width) - middle) / usual
+                spread[subset], chosen[subset] = usual, width
+        return ratio, chosen
+
+    def gains(self, near: Places, place: int, *, octave: int, width: int) -> Vector:
+        """Return twice the log likelihood of the jump at `place` if it were at each of the places `near`, minus the
+        value at the first of them."""
+        size = float(self.at(np.array([place]), width)[0])
+        middle = 0.5 * float(self._path[place + width] - self._path[place - width]) / width
+        # Samples from a place to a later one have the mean before the jump: it grows by 2 size (middle − x) / σ².
+        path = self._path[near] - middle * near
+        return np.asarray(-4 * size / (width * self.usual(width, octave)[1] ** 2) * (path - path[0]))
+
+    def is_steep(self, place: int, octave: int, width: int) -> bool:
+        """Return whether a jump at a place is steeper than the slope of the signal around it."""
+        here, *slopes = (
+            float(self.at(np.array([place + shift]), part)[0])
+            for shift, part in ((0, width), (-width // 2, width // 2), (width // 2, width // 2))
+        )
+        return abs(here - sum(slopes)) > max(_SLOPE * abs(here), LEAST_JUMP * self.usual(width, octave)[1])

@@ -1,11 +1,12 @@
-"""Leave the beginning of a recording out, such as a warm-up."""
+"""Leave the beginning of a recording out, such as a warm-up, and subtract jumps of the mean."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed
@@ -48,3 +49,54 @@ class _LaterStream:
             if part is not None:
                 yield part
         self._base = trimmer.time_base(self._stream.time_base)
+
+
+Jumps = Mapping[str, Sequence[tuple[int, float]]]
+"""For each axis, the number of the first sample after each jump, and the size of the jump."""
+
+
+def without_jumps(recording: Imu | Streamed, jumps: Jumps, remarks: Sequence[Remark]) -> Imu | Streamed:
+    """Return a recording minus the jumps of its axes, with additional remarks."""
+    if not isinstance(recording, Imu):
+        return _LevelStream(recording, jumps, remarks)
+    signals = {
+        axis: replace(signal, values=_level(signal.values, 0, jumps.get(axis, ())))
+        for axis, signal in recording.signals.items()
+    }
+    return replace(recording, signals=signals, remarks=(*recording.remarks, *remarks))
+
+
+def _level(values: Vector, first: int, jumps: Sequence[tuple[int, float]]) -> Vector:
+    """Return values minus the jumps; `first` is the number of the first value."""
+    jumps = [(index, size) for index, size in jumps if index < first + values.size]
+    if not jumps:
+        return values
+    level = values.copy()
+    for index, size in jumps:
+        level[max(index - first, 0) :] -= size
+    return freeze(level)
+
+
+class _LevelStream:
+    """A recording in a file, from which jumps are subtracted while it is read."""
+
+    def __init__(self, stream: Streamed, jumps: Jumps, remarks: Sequence[Remark]) -> None:
+        self._stream, self._jumps, self._remarks = stream, jumps, tuple(remarks)
+        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate
+        self.has_temperature, self.rows = stream.has_temperature, stream.rows
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Remarks of the stream and on the jumps."""
+        return (*self._stream.remarks, *self._remarks)
+
+    @property
+    def time_base(self) -> TimeBase:
+        """Properties of the time stamps."""
+        return self._stream.time_base
+
+    def samples(self) -> Iterator[Samples]:
+        """Iterate over the samples."""
+        for samples in self._stream.samples():
+            values = {axis: _level(x, samples.first, self._jumps.get(axis, ())) for axis, x in samples.values.items()}
+            yield replace(samples, values=values)

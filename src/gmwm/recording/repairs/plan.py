@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.axis_names import sensor_of
+from gmwm.base.units import sensor_of
 from gmwm.recording.batches import Batch
-from gmwm.recording.repairs.levels import TwoLevels, two_levels_of
-from gmwm.recording.repairs.repeats import Repeats, repeats_of
-from gmwm.recording.repairs.resampled import slower_rate
-from gmwm.recording.repairs.runs import Indices, Mask, in_long_runs, offsets, repeats, straight
-from gmwm.recording.repairs.wraps import modulus_of, unwrapped
+from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
+from gmwm.recording.repairs.repeats import Indices, Mask, Repeats, in_long_runs, offsets, repeats, repeats_of, straight
 from gmwm.recording.resolution import count_of, step_of
 
 _BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels", "resampled")
@@ -27,48 +24,31 @@ _COARSE = 0.4
 sensor. A coarser output stays at one value whenever the mean is in the middle of a step."""
 _MOST_FROZEN = 0.1
 """Largest share of frozen samples that are treated as gaps. A longer standstill is a fault of the sensor."""
-_MOST_DEAD = 0.5
-"""Largest share of the recording that is left out at its beginning."""
-_UNLIKELY = 1e-3
-"""Largest expected number of straight runs by chance."""
+_MOST_DEAD = 0.5  # largest share of the recording that is left out at its beginning
+_UNLIKELY = 1e-3  # largest expected number of straight runs by chance
 _OF_STEP, _ON_GRID = 1 << 15, 0.01
 """Number of samples from which the quantization step is taken; and median distance of the slopes of straight runs from
 whole steps, below which the runs are those of a slow rounded signal."""
-_MOST_STRAIGHT = 0.3
-"""Largest share of interpolated samples that are treated as gaps. Above it, the log was resampled."""
+_MOST_STRAIGHT = 0.3  # largest share of interpolated samples that are treated as gaps. Above it, the log was resampled
 
 
 @dataclass(frozen=True, kw_only=True)
 class RepairPlan:
-    """What is repaired on axes with one clock.
-
-    Attributes
-    ----------
-    axes : tuple of str
-    repeats : Repeats or None
-        How their values repeat.
-    frozen, straight : mapping of axis to int
-        Smallest length of a run of equal samples, and of samples on a straight line, that are treated as a gap.
-    dead : int
-        Number of samples at the beginning that are left out.
-    wraps : mapping of axis to (modulus, middle)
-        Range of the word that overflowed, and median of the values.
-    counts : mapping of axis to float
-        Size of a count, for axes whose values are whole counts but for float64 rounding.
-    levels : mapping of axis to TwoLevels
-        Levels between which the mean of an axis switches. They are named, and nothing is changed.
-    resampled : mapping of axis to float
-        Relative rate of the log from which an axis was resampled by straight lines; named, and nothing is changed.
-    """
+    """What is repaired on axes with one clock."""
 
     axes: tuple[str, ...]
-    repeats: Repeats | None = None
+    repeats: Repeats | None = None  # how their values repeat
+    # Smallest length of a run of equal samples, and of samples on a straight line, that are treated as a gap
     frozen: Mapping[str, int] = field(default_factory=dict)
     straight: Mapping[str, int] = field(default_factory=dict)
-    dead: int = 0
+    dead: int = 0  # number of samples at the beginning that are left out
+    # Range of the word that overflowed, and median of the values
     wraps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # Size of a count, for axes whose values are whole counts but for float64 rounding
     counts: Mapping[str, float] = field(default_factory=dict)
+    # Levels between which the mean of an axis switches. They are named, and nothing is changed
     levels: Mapping[str, TwoLevels] = field(default_factory=dict)
+    # Relative rate of the log from which an axis was resampled by straight lines; named, and nothing is changed
     resampled: Mapping[str, float] = field(default_factory=dict)
 
     @property

@@ -15,7 +15,7 @@ from gmwm.recording.batches import Streamed, batches
 from gmwm.recording.chunks import Samples
 from gmwm.recording.repairs.averages import SteepFilter, averaged, steep_filters
 from gmwm.recording.repairs.plan import RepairPlan, plans_of
-from gmwm.recording.repairs.runs import Indices
+from gmwm.recording.repairs.repeats import Indices
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.time_ranges import cut_base
 

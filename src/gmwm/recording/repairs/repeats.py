@@ -7,9 +7,53 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
-from gmwm.recording.repairs.runs import Indices, Mask, repeats
+from gmwm.base.arrays import Vector, runs_of
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+
+def repeats(axes: list[Vector], begins: Indices) -> Mask:
+    """Return whether each sample equals the sample before it on all axes, in the same segment. `begins` are the first
+    samples of the segments."""
+    same = np.zeros(axes[0].size, dtype=np.bool_)
+    same[1:] = axes[0][1:] == axes[0][:-1]
+    for values in axes[1:]:
+        same[1:] &= values[1:] == values[:-1]
+    same[begins] = False
+    return same
+
+
+def offsets(same: Mask) -> Indices:
+    """Return the position of each sample in its run of equal samples, from 0."""
+    at = np.arange(same.size)
+    return np.asarray(at - np.maximum.accumulate(np.where(same, 0, at)))
+
+
+def in_long_runs(same: Mask, least: int) -> Mask:
+    """Return the samples that continue a run of at least `least` samples. The first sample of a run is not among
+    them."""
+    inside = np.zeros(same.size, dtype=np.bool_)
+    runs = runs_of(same)
+    for first, last in runs[runs[:, 1] - runs[:, 0] + 1 >= least]:
+        inside[first:last] = True
+    return inside
+
+
+def straight(values: Vector, begins: Indices) -> Mask:
+    """Return whether each sample is on the straight line between its two neighbours, and differs from them."""
+    line = np.zeros(values.size, dtype=np.bool_)
+    if values.size < 3:
+        return line
+    steps = np.diff(values)
+    # Interpolated values are rounded to float64, or to the digits of a file.
+    rounding = 1e-9 * max(float(np.max(values) - np.min(values)), 1e-300)
+    line[1:-1] = (np.abs(np.diff(steps)) <= rounding) & (np.abs(steps[1:]) > rounding)
+    line[begins] = False
+    line[np.maximum(begins - 1, 0)] = False
+    return line
 
 
 @dataclass(frozen=True)
@@ -18,13 +62,11 @@ class RepeatLimits:
 
     least_share: float = 1e-3
     """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repairs.py)."""
-    least_changes: int = 100
-    """Smallest number of changes of the output from which repetition is recognised."""
+    least_changes: int = 100  # smallest number of changes of the output from which repetition is recognised
     multiple_share: float = 0.98
     """Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2
     at most."""
-    most_repeats: int = 100
-    """Largest number of repetitions that is recognised."""
+    most_repeats: int = 100  # largest number of repetitions that is recognised
     chance_share: float = 0.1
     """Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
     longest_run: int = 4
@@ -44,8 +86,7 @@ class RepeatLimits:
 
 LIMITS = RepeatLimits()
 
-_PER_WINDOW, _WINDOWS = 30, 10
-"""Expected number of repeats in such a window, and smallest number of windows."""
+_PER_WINDOW, _WINDOWS = 30, 10  # expected number of repeats in such a window, and smallest number of windows
 
 
 @dataclass(frozen=True)

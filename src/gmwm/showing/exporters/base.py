@@ -19,7 +19,7 @@ from typing import Any, ClassVar, TypeVar
 
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark, Severity
 from gmwm.base.text import version
 from gmwm.base.units import Quantity

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gmwm.base.axis_names import letter_of, sensor_of
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
-from gmwm.base.units import SI_UNIT, Quantity
+from gmwm.base.units import SI_UNIT, Quantity, letter_of, sensor_of
 from gmwm.calibration import Calibration
 from gmwm.calibration.number_verdicts import as_limit
 from gmwm.calibration.rest import BiasAtRest

@@ -11,8 +11,8 @@ and notebooks display it. If `path` is given, they also write the picture to a .
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gmwm.base.plotting import Plotted as Plotted
-from gmwm.base.plotting import plot, register
+from gmwm.base.results import Plotted as Plotted
+from gmwm.base.results import plot, register
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.allan import plot_allan, plot_allan_axes, plot_avlr
@@ -33,7 +33,7 @@ __all__ = [
 ]  # fmt: skip
 
 _RESULTS = {
-    "base.differences.DifferenceTests": "results.plot_differences",
+    "base.results.DifferenceTests": "results.plot_differences",
     "calibration.result.Calibration": "imu.plot_imu",
     "choosing.replicates.result.Replicates": "curves.plot_recordings",
     "choosing.selection.ranking.Comparison": "ranking.plot_candidates",
@@ -52,7 +52,7 @@ _RESULTS = {
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
     "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
     "recording.signals.Imu": "series.plot_recording", "recording.signals.Signal": "series.plot_signal",
-    "theory.simulation.components.SimulatedSignal": "series.plot_components",
+    "theory.simulation.api.SimulatedSignal": "series.plot_components",
 }  # fmt: skip
 """Functions of this package by the result that they draw."""
 _OTHERS = ("allan.plot_allan_axes", "likelihood.plot_autocorrelation", "series.plot_coefficients",

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
+from gmwm.base.statistics import observed_pairs
 from gmwm.fitting.likelihood.correlations import as_lags, autocorrelation, pair_factors
 from gmwm.fitting.likelihood.innovations import Residuals
-from gmwm.fitting.likelihood.record import as_record
+from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, Kind, Modelled, Tracks, wanders
-from gmwm.recording.autocorrelation import observed_pairs
 from gmwm.recording.signals import Signal
 from gmwm.showing.plots.axes import elapsed_axis, even_axis, number_at, number_text, power_text, quiet, scaled_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.measuring.inspection import Inspection
-    from gmwm.theory.simulation.components import SimulatedSignal
+    from gmwm.theory.simulation.api import SimulatedSignal
 
 Samples = Mapping[str, Integers]  # numbers of the samples of each finding of one axis
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, runs_of
-from gmwm.base.axis_names import by_sensor
 from gmwm.base.errors import OptionError
+from gmwm.base.units import by_sensor
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.replicates import Replicates
 from gmwm.fitting.estimation.result import Fit

@@ -4,8 +4,8 @@ The modules imported here define the processes. The order of the imports is the 
 """
 
 from gmwm.theory.processes.noise import WN as WN, QN as QN  # isort: skip
-from gmwm.theory.processes.walk import RW as RW  # isort: skip
-from gmwm.theory.processes.walk import DR as DR  # isort: skip
+from gmwm.theory.processes.noise import RW as RW  # isort: skip
+from gmwm.theory.processes.noise import DR as DR  # isort: skip
 from gmwm.theory.processes.markov import AR1 as AR1, GM as GM  # isort: skip
 from gmwm.theory.processes.power import FN as FN, PL as PL, FGN as FGN  # isort: skip
 from gmwm.theory.processes.matern import MAT as MAT  # isort: skip

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.theory.filters import WaveletFilter
-from gmwm.theory.processes.exponential import WHITE, log_decay
+from gmwm.theory.processes.exponential_sum import WHITE, log_decay
 from gmwm.theory.statespace import StateSpace
 
 Levels = NDArray[np.int64]

@@ -14,14 +14,13 @@ from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
-from gmwm.theory.processes import exponential, filtered, haar_covariance
+from gmwm.theory.processes import exponential_sum, filtered, haar_covariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
-from gmwm.theory.processes.noise import WN
+from gmwm.theory.processes.noise import RW, WN
 from gmwm.theory.processes.parameter import Branch, Exponential, Occasion, Parameter, Physical, Value
 from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.theory.processes.walk import RW
 from gmwm.theory.statespace import StateSpace
 
 _PROCESS = "first-order Markov"
@@ -66,7 +65,7 @@ def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
     def coordinate(phi: float) -> float | None:
         if (phi < 0) != (sign < 0):
             return None
-        return along.of(float(exponential.log_decay(np.array([phi]))[0]))
+        return along.of(float(exponential_sum.log_decay(np.array([phi]))[0]))
 
     return Branch(
         along.low, along.high, values=lambda u: sign * np.exp(-along.decay(u))[:, None],
@@ -96,7 +95,7 @@ class _Markov(Process, abstract=True):
         s2, sign, lam = self._pole(as_rate(rate))
         m = np.abs(as_lags(lags)).astype(np.float64)
         if sign > 0:
-            return -0.5 * s2 * exponential.block_variance(lam, m)
+            return -0.5 * s2 * exponential_sum.block_variance(lam, m)
         phi = -math.exp(-lam)
         power = np.where(m % 2 == 1, 1.0 + np.exp(-lam * m), -np.expm1(-lam * m))
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
@@ -132,7 +131,7 @@ class _Markov(Process, abstract=True):
         if sign < 0:
             return super().allan_variance(clusters, rate)
         n = as_clusters(clusters)
-        shape = exponential.gm_shape(np.array([lam]), n.ravel().astype(np.float64))
+        shape = exponential_sum.gm_shape(np.array([lam]), n.ravel().astype(np.float64))
         return np.asarray(2.0 * s2 * shape.reshape(n.shape))
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
@@ -237,7 +236,7 @@ class AR1(_Markov):
         """Compute the wavelet variances (n, J) for innovation variance 1."""
         if filter is not HAAR:
             return filtered.ar1_shape(np.asarray(nonlinear)[:, 0], filter, as_levels(levels))
-        return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
+        return exponential_sum.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
 
     @classmethod
     def shape_jacobian(
@@ -249,7 +248,7 @@ class AR1(_Markov):
         """
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
-        return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
+        return exponential_sum.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
     def lag_covariances(cls, nonlinear: Matrix, lags: NDArray[np.int64], rate: float) -> Matrix:
@@ -271,7 +270,7 @@ class AR1(_Markov):
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
         phi = self.value("phi")
-        lam = float(exponential.log_decay(np.array([phi]))[0])
+        lam = float(exponential_sum.log_decay(np.array([phi]))[0])
         return self.scale / -math.expm1(-2.0 * lam), math.copysign(1.0, phi), lam
 
     def correlation_time(self, rate: float) -> float | None:
@@ -279,7 +278,7 @@ class AR1(_Markov):
         phi = self.values["phi"]
         if phi is None:
             return None
-        return 0.0 if phi == 0 else float(1.0 / (rate * exponential.log_decay(np.array([phi]))[0]))
+        return 0.0 if phi == 0 else float(1.0 / (rate * exponential_sum.log_decay(np.array([phi]))[0]))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
         """Return the correlation time T_c and the driving noise density q_c of the Gauss-Markov process with this φ.
@@ -330,7 +329,7 @@ class GM(_Markov):
         """Compute the wavelet variances (n, J) for marginal variance 1."""
         if filter is not HAAR:
             return filtered.gm_shape(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels))
-        return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
+        return exponential_sum.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
 
     @classmethod
     def shape_jacobian(
@@ -339,7 +338,7 @@ class GM(_Markov):
         """Compute the derivatives ∂ν²/∂β (n, J, 1) for marginal variance 1."""
         if filter is not HAAR:
             return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
-        slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
+        slope = exponential_sum.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
         return (slope / rate)[:, :, None]
 
     @classmethod
@@ -366,7 +365,7 @@ class GM(_Markov):
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _draw(occasion, rng, draws=draws, before=phi, number=len(before))
         # φ = 0 is white noise, for which β would be infinite.
-        decay = np.minimum(exponential.log_decay(drawn[:, 1]), NEGLIGIBLE_EXPONENT)
+        decay = np.minimum(exponential_sum.log_decay(drawn[:, 1]), NEGLIGIBLE_EXPONENT)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:

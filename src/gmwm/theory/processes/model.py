@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.likelihood import Residuals, Tracks
     from gmwm.fitting.likelihood.tracks import Modelled
 
-MOST_TERMS = 100
-"""Largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated."""
+MOST_TERMS = 100  # largest number of terms; a wavelet variance has at most 62 levels, so more can never be estimated
 
 
 class KalmanMethods:
@@ -558,8 +557,7 @@ class Model(KalmanMethods):
 
 write_as_text(Model, Model.parse)
 
-ModelLike = Model | Process | str
-"""Types that are accepted as a model."""
+ModelLike = Model | Process | str  # types that are accepted as a model
 
 
 def as_model(model: Any, name: str = "model") -> Model:

@@ -77,18 +77,13 @@ class Ordered(Process, abstract=True):
     its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`. Alternatively, give the
     coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`."""
 
-    polynomials: ClassVar[tuple[Polynomial, ...]]
-    """The polynomials, in the order of the arguments."""
+    polynomials: ClassVar[tuple[Polynomial, ...]]  # the polynomials, in the order of the arguments
     period_name: ClassVar[str | None] = None
     """Name of the period, which is the last order; None for a process without a period."""
-    scale_of: ClassVar[Parameter]
-    """The scale parameter, which is the last parameter."""
-    examples: ClassVar[tuple[tuple[int, ...], ...]]
-    """Orders of the processes that tests use as examples."""
-    order_class: ClassVar[type[Ordered]]
-    """The class without orders, such as ARMA for ARMA(2, 1)."""
-    orders: ClassVar[tuple[int, ...]]
-    """The orders of this class."""
+    scale_of: ClassVar[Parameter]  # the scale parameter, which is the last parameter
+    examples: ClassVar[tuple[tuple[int, ...], ...]]  # orders of the processes that tests use as examples
+    order_class: ClassVar[type[Ordered]]  # the class without orders, such as ARMA for ARMA(2, 1)
+    orders: ClassVar[tuple[int, ...]]  # the orders of this class
     _made: ClassVar[dict[tuple[int, ...], type[Any]]]
 
     def __init_subclass__(cls, *, abstract: bool = False, listed: bool = True, **kwargs: Any) -> None:

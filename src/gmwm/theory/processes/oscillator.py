@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate, freeze
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.text import round_text
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
-from gmwm.theory.processes import exponential
+from gmwm.theory.processes import exponential_sum
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
@@ -101,7 +102,7 @@ class OSC(Process):
             return super().shape(nonlinear, levels, rate, filter)
         if natural.size == 1:
             return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
-        return exponential.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
+        return exponential_sum.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k)."""
@@ -210,6 +211,22 @@ class OSC(Process):
         return natural * float(ratio), natural * float(turn)
 
 
+def name_in_text(term: str, process: Process) -> str:
+    """Return the name of a term for readers. A nearly periodic process is named by its frequency, and not by its number
+    in the model.
+
+    >>> from gmwm.processes import SIN, WN
+    >>> name_in_text("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0)), name_in_text("WN", WN())
+    ('oscillation 0.564 Hz', 'WN')
+    >>> name_in_text("SIN", SIN(frequency=50.0, power=1.0))
+    'line 50 Hz'
+    """
+    frequency = process.oscillation() if process.is_complete else None
+    if frequency is None:
+        return term
+    return f"{'oscillation' if isinstance(process, OSC) else 'line'} {round_text(frequency, 3)} Hz"
+
+
 def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
     """Return the damping a and the angular frequency ω, relative to ω₀."""
     ratio = 0.5 / quality
@@ -220,7 +237,7 @@ def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
 def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
     """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
     h = np.ldexp(1.0, np.array(levels) - 1)
-    return freeze(exponential.oscillation_shape(np.array([damping]), np.array([turn]), h))
+    return freeze(exponential_sum.oscillation_shape(np.array([damping]), np.array([turn]), h))
 
 
 @lru_cache(maxsize=256)

@@ -245,8 +245,7 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
 _STEP = 0.35
 """Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
 (tests/covariance/test_lag_sums.py)."""
-STEEPEST = 1.2
-"""Largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits."""
+STEEPEST = 1.2  # largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits
 
 
 def mixture(epsilon: float, samples: int) -> ExponentialSum:

@@ -10,7 +10,7 @@ from gmwm.applications.app.figures import curves, half_of, plotly_figure, spectr
 from gmwm.applications.app.page.widgets import changes, choices, draws, graph, group, of_job, restores
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Desk, Workspace
-from gmwm.base.axis_names import by_sensor
+from gmwm.base.units import by_sensor
 from gmwm.calibration.tables import SENSORS
 from gmwm.measuring.spectrum.result import PowerSpectra
 from gmwm.measuring.variance.result import WaveletVariances

@@ -10,9 +10,9 @@ from gmwm.applications.app.figures import axis_at, fit_figure, movable, residual
 from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
-from gmwm.base.axis_names import sensor_of
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import p_text, round_fixed
+from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
 from gmwm.fitting.estimation.result import Fit
@@ -258,7 +258,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     def show(choice: ModelChoice) -> list[Any]:
         ranking, listed = choice.ranking, []
         for candidate in ranking.distinct[:12]:
-            mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+            mark = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
             pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
             use = widgets.button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"

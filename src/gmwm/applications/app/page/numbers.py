@@ -27,15 +27,15 @@ from gmwm.applications.app.session import Session, number
 from gmwm.applications.app.workspace import Desk, Workspace
 from gmwm.applications.navigation.plot import plot_budget
 from gmwm.applications.navigation.result import headline
-from gmwm.base.axis_names import by_sensor
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.remarks import Dialect
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import by_sensor
 from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import effective_noise
-from gmwm.files.importers.quantities import as_reference, parse_reference
+from gmwm.files.importers.values import as_reference, parse_reference
 from gmwm.showing.plots.figure import description
 from gmwm.showing.reports.figures import sensor_panel
 from gmwm.showing.reports.verdict import filter_tables, state_of

@@ -10,13 +10,12 @@ from gmwm.applications.app.figures import Drawn, traces, with_spans
 from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session, number
 from gmwm.applications.app.workspace import Desk, Workspace, shown_times
-from gmwm.base.axis_names import by_sensor
-from gmwm.base.durations import parse_length
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import duration_text
-from gmwm.base.units import unit_names
+from gmwm.base.time_base import parse_length
+from gmwm.base.units import by_sensor, unit_names
+from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
-from gmwm.files.columns.scale_factors import parse_scale
 from gmwm.measuring.inspection import Inspection
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title

@@ -1,18 +1,23 @@
-"""The method `plot` of results. Upper rooms and other packages register the functions that draw them."""
+"""Base classes of results: their plots, their tables for other libraries, and tests whether parts differ."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from pkgutil import resolve_name
 from types import MethodType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gmwm.base.errors import OptionError
-from gmwm.base.guests import admit_guests
+from gmwm.base.extras import admit_guests
+from gmwm.base.text import Summarised
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+    from polars import DataFrame
+
 
 GROUP = "gmwm.plots"
 """The package that registers the functions of gmwm, and the group of the entry points of other packages."""
@@ -109,3 +114,61 @@ class Plotted:
     """Base of results that have a method `plot`."""
 
     plot = _Method()
+
+
+class Tabular(ABC):
+    """Base of results and recordings that are tables."""
+
+    coordinates: ClassVar[tuple[str, ...]] = ()
+    """Columns that identify a row, which are the coordinates of a data set of xarray; without any, the row number."""
+
+    @abstractmethod
+    def to_polars(self) -> DataFrame:
+        """Return the table as a data frame of Polars."""
+
+    def to_pandas(self, *arguments: Any, **options: Any) -> Any:
+        """Return the table as a data frame of pandas. The arguments are those of `to_polars`."""
+        import pandas
+
+        frame = self.to_polars(*arguments, **options)
+        return pandas.DataFrame({column.name: column.to_numpy() for column in frame.get_columns()})
+
+    def to_xarray(self, *arguments: Any, **options: Any) -> Any:
+        """Return the table as a data set of xarray. The arguments are those of `to_polars`."""
+        frame = self.to_pandas(*arguments, **options)
+        return (frame.set_index(list(self.coordinates)) if self.coordinates else frame).to_xarray()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """Ratio of one part, such as a recording or a unit, to the others, and the test whether they differ.
+
+    Attributes
+    ----------
+    name : str
+        What is compared, such as "gyro_x at 0.02 s, monday".
+    ratio : float
+        The ratio, 1 if there is no difference.
+    lower, upper : float or None
+        Confidence limits of the ratio; None if they are not known.
+    pvalue : float or None
+        p-value of no difference, adjusted for the number of tests; None if there is no test.
+    differs : bool
+        Whether the test finds a difference.
+    """
+
+    name: str
+    ratio: float
+    lower: float | None = None
+    upper: float | None = None
+    pvalue: float | None = None
+    differs: bool = False
+
+
+class DifferenceTests(Summarised, Plotted):
+    """Base of results that answer whether parts differ: recordings, calibrations, units of a fleet, or conditions."""
+
+    @property
+    @abstractmethod
+    def tests(self) -> tuple[Difference, ...]:
+        """All comparisons in one form, for plots and for programs that handle every kind of comparison."""

@@ -1,8 +1,4 @@
-"""Random-effects model of units or recordings that are measured with error: mean, spread and prediction.
-
-The number x_i of unit i is distributed as N(μ, τ² + s_i²), where τ is the spread between units and s_i the known
-standard error. Every function processes many samples at once, in arrays (…, n) with NaN for a missing number.
-"""
+"""Statistics that several rooms use: p-values of several tests, means with random effects, and autocorrelations."""
 
 from __future__ import annotations
 
@@ -10,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.lazy import scipy
@@ -142,3 +139,41 @@ def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) ->
         below = np.tensordot(weights, scipy.special.ndtr((middle - means) / sizes), axes=1) < share
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray((low + high) / 2)
+
+
+def holm(pvalues: ArrayLike) -> Vector:
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70): the probability of any
+    true hypothesis with an adjusted p-value of at most s is at most s, even for dependent tests. NaN is a test that was
+    not made.
+
+    >>> holm([0.01, 0.5, np.nan, 0.02])
+    array([0.03, 0.5 ,  nan, 0.04])
+    """
+    p = np.asarray(pvalues, dtype=np.float64)
+    count = np.count_nonzero(~np.isnan(p))
+    order = np.argsort(p, kind="stable")[:count]  # NaN is last
+    adjusted = np.full_like(p, np.nan)
+    adjusted[order] = np.maximum.accumulate(np.minimum((count - np.arange(count)) * p[order], 1.0))
+    return adjusted
+
+
+def autocorrelation(values: Vector, lags: int) -> Vector:
+    """Return the autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample (NaN) are left out."""
+    finite = np.isfinite(values)
+    products = _products(np.where(finite, values - np.mean(values, where=finite), 0.0), lags)
+    return np.asarray(products / products[0])
+
+
+def observed_pairs(values: Vector, lags: int) -> Vector:
+    """Return the number of pairs of observed samples (L,) at lags 1 … L."""
+    finite = np.isfinite(values)
+    if np.all(finite):
+        return values.size - np.arange(1.0, lags + 1)
+    return np.round(_products(finite.astype(np.float64), lags)[1:])
+
+
+def _products(z: Vector, lags: int) -> Vector:
+    """Return Σ_t z_t z_{t+k} at the lags k = 0 … L, an (L + 1,) array, by the Fourier transform."""
+    size = 1 << int(2 * z.size - 1).bit_length()
+    transform = np.fft.rfft(z, size)
+    return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

@@ -1,0 +1,209 @@
+"""Recognise patterns in the values of an axis: words that overflowed, which are undone; a log that a program resampled
+by straight lines; and noise that switches between two levels (popcorn noise, random telegraph noise).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.base.arrays import Vector, row_medians
+from gmwm.base.remarks import Remark
+from gmwm.recording.repairs.repeats import Mask
+from gmwm.recording.resolution import lsb
+
+_BITS = range(8, 33)  # lengths of words (bits)
+_REACH = 0.025  # largest distance of a value from the end of the word, as a share of the range of the word
+_UNLIKELY = 1e-6  # largest probability that values at random distances all look like wrapped ones
+_GAP = 10.0
+"""Largest distance between the values on both sides of the end, in expected distances. It is exponentially distributed
+if the output is continuous, and exceeds this value with a probability of 5e-5."""
+_CONTINUOUS = 8.0
+"""Largest median change of the output where it wraps, in median changes of neighbours
+(tests/recording/test_repairs.py)."""
+
+
+def modulus_of(values: Vector) -> tuple[float, float] | None:
+    """Return the range 2^b of the word from which some values of an axis wrapped around, in the unit of the axis, and
+    the median of the values on the more frequent side; None if none did.
+
+    The values of a word that wraps are at both of its ends, with nothing between them. Moved by 2^b steps, those of the
+    rarer side continue the others without a gap and without overlap. Wrong samples do not: they leave a gap, or
+    overlap if a bit of the word flipped.
+    """
+    lowest, highest = float(np.min(values)), float(np.max(values))
+    upper = values > (lowest + highest) / 2
+    rare = upper if np.mean(upper) <= 0.5 else ~upper
+    far, near = values[rare], values[~rare]
+    if far.size < 2 or max(np.ptp(far), np.ptp(near)) > 2 * _REACH * (highest - lowest):
+        return None
+    step = lsb(near)
+    if step is None:
+        return None
+    bits = math.floor(math.log2((highest - lowest) / step + 0.5)) + 1  # the range is at most 2^b − 1 steps
+    modulus = math.ldexp(step, bits)
+    above = bool(far[0] > near[0])
+    depth = near.min() - (far - modulus) if above else far + modulus - near.max()
+    gap, reach = float(np.min(depth)), float(np.max(depth))
+    visits = int(np.count_nonzero(np.diff(rare) & rare[1:])) + bool(rare[0])
+    excess = float(np.mean(depth)) - gap
+    if (
+        bits not in _BITS
+        or reach > _REACH * modulus
+        or (2 * reach / modulus) ** min(far.size, 100) > _UNLIKELY
+        or gap > 1.5 * step + _GAP * excess / visits
+    ):
+        return None
+    changes = np.abs(np.diff(unwrapped(values, modulus, middle := float(np.median(near)))))
+    jumps = float(np.median(changes[np.diff(rare)]))
+    return (modulus, middle) if jumps <= _CONTINUOUS * float(np.median(changes)) + 2 * step else None
+
+
+def unwrapped(values: Vector, modulus: float, middle: float) -> Vector:
+    """Return values that are at most half a range away from the middle."""
+    turns = np.rint((values - middle) / modulus)
+    return np.asarray(np.where(turns == 0, values, values - turns * modulus))
+
+
+_MOST, _FEWEST = 1 << 17, 4096  # largest and smallest number of samples that are used
+_LINE, _PEAKS = 30.0, 4
+"""Height of a line in the periodogram of the squares, relative to its mean nearby, which noise exceeds in fewer than
+1 of 10⁸ periodograms; and number of lines that are examined."""
+_BLOCK, _PHASES, _EXACT = 256, 32, 0.05
+"""Length of the blocks to which straight lines are fitted, number of phases, and largest variance of the residual at
+the best phase, relative to that at the median phase and to the noise (tests/recording/test_resampled.py)."""
+_RATES = (0.05, 0.95)  # smallest and largest relative rate that is recognised
+
+
+def slower_rate(values: Vector) -> float:
+    """Return the rate of the slower log relative to the rate of this one; 0 if the values were not resampled.
+
+    Straight lines between samples at the rate q < 1 make the variance of second differences periodic, with the
+    frequency q. If so, straight lines with this rate and one phase describe the values without a residual.
+
+    >>> x = np.random.default_rng(0).normal(size=10_000)
+    >>> round(slower_rate(np.interp(np.arange(16_000) * 0.625, np.arange(10_000), x)), 4), slower_rate(x)
+    (0.625, 0.0)
+    """
+    x = values[:_MOST]
+    if x.size < _FEWEST:
+        return 0.0
+    squares = np.diff(x, 2) ** 2
+    squares = np.minimum(squares, 20 * np.mean(squares))
+    power = np.abs(np.fft.rfft(squares - np.mean(squares))) ** 2
+    size = power.size // 64
+    # The mean nearby without the line is the median over ln 2.
+    nearby = np.repeat(np.median(power[: 64 * size].reshape(size, 64), axis=1), 64) / np.log(2)
+    height = np.divide(power[: nearby.size], nearby, out=np.zeros(nearby.size), where=nearby > 0)
+    height[:4] = 0.0
+    lines = [k / squares.size for k in np.argsort(-height)[:_PEAKS].tolist() if height[k] > _LINE]
+    shares = sorted(share for line in lines for share in (line, 1 - line) if _RATES[0] < share < _RATES[1])
+    return next((share for share in shares if _is_straight(x, share)), 0.0)
+
+
+def _is_straight(x: Vector, share: float) -> bool:
+    """Return whether straight lines between samples at the rate `share` describe two blocks."""
+    window = np.hanning(_BLOCK)
+    for first in (0, x.size // 2):
+        block = x[first : first + _BLOCK] - x[first]
+        residuals = np.array([_residual(block, share, phase / _PHASES) for phase in range(_PHASES)])
+        # A line does not change a quantile of the density, and the slower log has the lower part of the frequencies.
+        density = np.abs(np.fft.rfft(block * window)) ** 2 / float(window @ window)
+        noise = float(np.quantile(density, 0.8)) / np.log(5)
+        if not np.min(residuals) < _EXACT * min(noise, float(np.median(residuals))):
+            return False
+    return True
+
+
+def _residual(block: Vector, share: float, phase: float) -> float:
+    """Return the variance that straight lines with corners at (k − phase) / share leave."""
+    at = np.arange(block.size) * share + phase
+    corner = at.astype(np.int64)
+    lines: NDArray[np.float64] = np.zeros((block.size, int(corner[-1]) + 2))
+    rows = np.arange(block.size)
+    lines[rows, corner], lines[rows, corner + 1] = 1 - (at - corner), at - corner
+    residual = block - lines @ np.linalg.lstsq(lines, block, rcond=None)[0]
+    return float(residual @ residual / max(block.size - lines.shape[1], 1))
+
+
+_LENGTHS = (16, 64, 256, 1024)  # numbers of samples whose means are sorted into two levels
+_TOGETHER = 128  # number of means from which a slow drift is subtracted together
+_APART = 5.0
+"""Smallest distance of the two levels, in standard deviations of the means at one level. It is 2.7 for Gaussian noise
+(tests/recording/test_repairs.py, as the next constants)."""
+_SHARE = 0.005  # smallest share of the time at the rarer level
+_BETWEEN = 0.5  # largest number of means in the middle third between the levels, relative to those at the rarer level
+_CHANGES = 16  # smallest number of changes of the level
+_PARTS = 8
+"""Number of parts of the recording, in more than half of which the rarer level must occur. Otherwise the unit moved."""
+_LASTS = 1.5  # smallest mean duration of the rarer level, in means. A shorter one is a wrong sample
+
+
+class TwoLevels(NamedTuple):
+    """Two levels of an axis: their distance in the unit of the axis, the share of the time at the rarer one, and the
+    mean time (samples) that it lasts."""
+
+    size: float
+    share: float
+    duration: float
+
+
+def two_levels_of(values: Vector) -> TwoLevels | None:
+    """Return the two levels between which the mean of an axis switches; None if it does not."""
+    for length in _LENGTHS:
+        count = values.size // length
+        if count < _TOGETHER:
+            break
+        means = values[: count * length].reshape(count, length).mean(axis=1)
+        rows = means[: count - count % _TOGETHER].reshape(-1, _TOGETHER)
+        for x in (means, (rows - row_medians(rows)[:, None]).ravel()):
+            split = _split(x)
+            if split is not None and (levels := _levels(x, split, length)) is not None:
+                # The mean of a coarse output can only be at multiples of a step.
+                return levels if levels.size > (lsb(values) or 0.0) else None
+    return None
+
+
+def _split(x: Vector) -> float | None:
+    """Return the value between two classes with the smallest variance within the classes (Otsu 1979); None if their
+    means are not far apart."""
+    ordered = np.sort(x)
+    n, k = x.size, np.arange(1, x.size)
+    sums = np.cumsum(ordered - ordered[n // 2])
+    below, above = sums[:-1] / k, (sums[-1] - sums[:-1]) / (n - k)
+    between = k * (n - k) * (above - below) ** 2
+    at = int(np.argmax(between))
+    within = float(np.var(ordered)) - float(between[at]) / n**2
+    distance = float(above[at] - below[at])
+    return float((ordered[at] + ordered[at + 1]) / 2) if distance > _APART * np.sqrt(max(within, 0.0)) > 0 else None
+
+
+def _levels(x: Vector, split: float, length: int) -> TwoLevels | None:
+    """Return the two levels of means on both sides of a value, if they are levels and not the tails of noise."""
+    upper: Mask = x > split
+    rare = upper if np.mean(upper) < 0.5 else ~upper
+    low, high = float(np.median(x[~upper])), float(np.median(x[upper]))
+    middle = np.abs(x - (low + high) / 2) < (high - low) / 6
+    changes = int(np.count_nonzero(np.diff(rare)))
+    count, runs = int(np.count_nonzero(rare)), max(changes / 2, 1.0)
+    lasting: Mask = rare[1:] & rare[:-1]  # single means can cross by noise after one jump
+    if (
+        count < _SHARE * x.size
+        or np.count_nonzero(np.diff(lasting)) < _CHANGES
+        or count < _LASTS * runs
+        or np.count_nonzero(middle) > _BETWEEN * count
+        or sum(bool(np.any(part)) for part in np.array_split(lasting, _PARTS)) <= _PARTS / 2
+    ):
+        return None
+    return TwoLevels(high - low, count / x.size, length * count / runs)
+
+
+def axes_with_two_levels(remarks: Iterable[Remark]) -> frozenset[str]:
+    """Return the axes that remarks name as switching between two levels."""
+    return frozenset(
+        remark.subject for remark in remarks if remark.code == "heavy-tails" and remark.facts["case"] == "levels"
+    )
