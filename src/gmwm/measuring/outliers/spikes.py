@@ -304,8 +304,8 @@ def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     were found, in standard deviations `limit`. Their density above the smallest one continues below it: constant, as
     for sizes with a wide distribution, or falling linearly to zero if it falls towards it by three standard errors.
     Then the sizes are alike, and the noise hides the samples that are not found. If all are far beyond `certain`, the
-    density just beyond it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy distribution, so do
-    smaller ones."""
+    density just beyond it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy
+    distribution, so do smaller ones."""
     if deviation.size < _FEW:
         return 0.0
     least = min(float(np.min(deviation)), APART * certain)
