@@ -75,6 +75,7 @@ def test_other_commands_take_them_too(gmwm, series, command):
     ("text", "message"),
     [
         ("season:20y", "the period of season:20y is longer than the recording of 10 years"),
+        ("season:2d", "the period of season:2d is no longer than two samples"),
         ("step:2030-01-01", "step:2030-01-01 is outside the recording of 10 years, from 2014-01-01"),
         ("step:5000d", "step:5000d is outside the recording of 10 years"),
         ("step:2019-13-01", "must be a date such as step:2019-03-01T12:30; got 'step:2019-13-01'"),
@@ -98,3 +99,21 @@ def test_a_fit_comes_back_with_its_season_and_step():
     assert again.regression.summary() == fit.regression.summary()
     assert "zero at time 5 yr" in fit.regression.summary()
     assert fit.regression.plot().axes[0].get_xlabel() == "Time (h)"
+
+
+def test_a_long_recording_is_averaged_over_blocks_and_read_in_chunks(gmwm, tmp_path):
+    rng = np.random.default_rng(5)
+    t = np.arange(40_000) / 10
+    slow = np.cumsum(0.02 * rng.standard_normal(t.size))
+    values = rng.standard_normal(t.size) + slow + 3 * np.cos(2 * np.pi * t / 500) + 5.0 * (t >= 2000.35)
+    regression = library.fit("WN + RW", library.Signal(values, 10.0), against="season:500s + step:2000.35").regression
+    assert regression.block == 0.8
+    for name, value in {"season:500s cos": 3.0, "season:500s sin": 0.0, "step:2000.35": 5.0}.items():
+        low, high = regression[name].interval()
+        assert low < value < high
+    path = tmp_path / "long.csv"
+    path.write_text("time,accel_x\n" + "".join(f"{a:.2f},{b!r}\n" for a, b in np.column_stack([t, values]).tolist()))
+    parts = ("--model", "WN + RW", "--against", "season:500s", "--against", "step:2000.35", "--chunked", "yes")
+    chunked = gmwm("fit", path, *OPTIONS[:2], *parts, "--json").json["axes"]["accel_x"]["wavelet_variance"]
+    coefficients = chunked["regression"]["coefficients"]
+    assert coefficients["step:2000.35"]["value"] == pytest.approx(regression["step:2000.35"].value, rel=1e-6)

@@ -108,16 +108,17 @@ class CovariateTerm:
         seconds = YEAR_S if "yr" in words else HOUR_S
         return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words, seconds=seconds)
 
-    def within(self, start: float, duration: float) -> CovariateTerm:
-        """Return the term for a recording with a start (Unix time, s) and a duration (s). Raises OptionError if a
-        season is longer than the recording, or a step is outside."""
+    def within(self, start: float, duration: float, rate: float) -> CovariateTerm:
+        """Return the term for a recording with a start (Unix time, s), a duration (s) and a rate (Hz). Raises
+        OptionError if a season is longer than the recording or too short, or a step is outside."""
         if self.name == TIME and duration > YEAR_S:
             return replace(self, seconds=YEAR_S)
         seconds, length = self.seconds, duration_text(duration)
         if math.isnan(seconds):
             seconds = _unix_time(self.name) - start
-        if self.kind == SEASON and seconds > duration:
-            raise OptionError(f"the period of {self.name} is longer than the recording of {length}", argument="against")
+        if self.kind == SEASON and not 2 / rate < seconds <= duration:
+            bound = f"longer than the recording of {length}" if seconds > duration else "no longer than two samples"
+            raise OptionError(f"the period of {self.name} is {bound}", argument="against")
         if self.kind == STEP and not 0 < seconds < duration:
             first, last = (np.datetime64(round(time), "s") for time in (start, start + duration))
             raise OptionError(

@@ -45,9 +45,13 @@ class Covariates:
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
         length, or has too large errors at all scales."""
-        usual = 1 if any(term.exact for term in terms) else None
+        usual = 1 if any(term.exact and term.is_measured for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
-        terms = [term.within(signal.start, clock.end / clock.rate) for term in terms]
+        terms = [term.within(signal.start, clock.end / clock.rate, clock.rate) for term in terms]
+        # The mean over 1/64 of a season has an amplitude that is smaller by 0.04 %.
+        longest = min((term.seconds * clock.rate / 64 for term in terms if term.kind == SEASON), default=np.inf)
+        while clock.length > max(longest, 1):
+            clock = replace(clock, length=clock.length // 2)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
             if term.is_measured:
@@ -133,11 +137,11 @@ class Covariates:
 
     def matrix(self, tau: float | None = None) -> Matrix:
         """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
-        return self.basis.matrix(self.means, self.clock.times, tau)
+        return self.basis.matrix(self.means, self.clock.times, tau, self.clock.width)
 
     def smooth_matrix(self, tau: float | None = None) -> Matrix:
         """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
-        return self.basis.matrix(self.smooth, self.clock.times, tau)
+        return self.basis.matrix(self.smooth, self.clock.times, tau, self.clock.width)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
@@ -269,9 +273,19 @@ class Basis:
         """The columns, in the order of the terms."""
         return tuple(column for term in self.terms for column in _columns(term))
 
-    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
-        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s)."""
-        return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
+    def matrix(
+        self, values: Mapping[str, Vector], times: Vector, tau: float | None, width: float = 0.0
+    ) -> Matrix:  # fmt: skip
+        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s). A step is
+        averaged over blocks of the width (s)."""
+        columns = []
+        for term in self.terms:
+            if term.kind == STEP:
+                after = times - term.seconds
+                columns.append((np.clip(after / width + 0.5, 0.0, 1.0) if width else after >= 0.0)[:, None])
+            else:
+                columns.append(self._of_term(term, values.get(term.name, times), times, tau))
+        return np.hstack(columns)
 
     def along(self, name: str, points: Vector) -> Matrix:
         """Return the columns (m, p) for values of one covariate, with zero for others and rates of change."""
@@ -295,8 +309,6 @@ class Basis:
         if term.kind == SEASON:
             turn = 2 * np.pi / term.seconds * times
             return np.column_stack([np.cos(turn), np.sin(turn)])
-        if term.kind == STEP:
-            return (times[:, None] >= term.seconds).astype(np.float64)
         covariate = values / term.seconds if term.name == TIME else values
         offsets = covariate - self.references[term.name]
         columns = [offsets**power for power in range(1, term.degree + 1)]
