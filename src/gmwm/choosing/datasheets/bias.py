@@ -76,12 +76,12 @@ class FitCurve:
 
     def ends(self, z: float) -> Iterator[dict[Process, Process]]:
         """Yield the processes at both ends of the principal axes of the confidence region that are longer than a factor
-        of two, for which a derivative does not describe the effect of a parameter."""
+        of two, for which a derivative does not describe the effect of a parameter. Undetermined axes have no ends."""
         free = [k for k, (_, name) in enumerate(self.moving) if name is not None]
         variances, axes = np.linalg.eigh(self.scatter[np.ix_(free, free)])
         for variance, axis in zip(variances, axes.T, strict=True):
-            reach = min(z * math.sqrt(max(variance, 0.0)), math.log(WIDEST_INTERVAL))
-            for change in (-reach, reach) if reach > math.log(2.0) else ():
+            reach = z * math.sqrt(max(variance, 0.0))
+            for change in (-reach, reach) if math.log(2.0) < reach < math.log(WIDEST_INTERVAL) else ():
                 changes: dict[Process, dict[str, float]] = {}
                 for k, share in zip(free, axis, strict=True):
                     process, name = self.moving[k]
