@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -168,12 +167,7 @@ class Process(HaarTheory, ABC):
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
-        return type(self)(**{name: getattr(self, name) for name in self._fields()} | values)
-
-    @classmethod
-    @cache
-    def _fields(cls) -> tuple[str, ...]:
-        return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]
+        return type(self)(**{name: getattr(self, name) for name in validation.fields_of(type(self))} | values)
 
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
