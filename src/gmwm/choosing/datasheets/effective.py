@@ -357,10 +357,10 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
-        if not use.contains(process, curve.rate):
+        if not use.contains(process, curve.design.rate):
             return np.zeros(2)
         near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
+        return np.array(FilterPrediction.of([process], curve.design.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
