@@ -103,11 +103,12 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: a line for each kind of recording."""
     rows = {row["name"]: row for row in result["rows"]}
-    worst = min(min(row["covered"]) for row in rows.values())
+    worst, runs = min(min(row["covered"]) for row in rows.values()), [row["runs"] for row in rows.values()]
     least, most = (f(row["rejected"] for row in rows.values()) for f in (min, max))
     lines = [
         f"`gmwm.fit(…, varies=, against=)` was applied to recordings of {SAMPLES} samples whose parameters follow a "
-        f"condition. Of 12 to 100 recordings each, 95 % intervals contain the true value in {worst:.0%} or more; the "
+        f"condition. Of {min(runs)} to {max(runs)} recordings each, 95 % intervals contain the true value in "
+        f"{worst:.0%} or more; the "
         f"goodness-of-fit test at the 5 % level rejects {least:.0%} to {most:.0%} of the true models. Without a "
         f"dependence, the test finds one in {rows['no dependence']['change']:.1%}.",
         "",

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import shlex
 
+import jsonschema
 import pytest
 
 import gmwm
@@ -28,6 +29,14 @@ FULL = Session(
 def test_a_session_survives_its_document(session):
     assert Session.from_text(session.to_text()) == session
     assert Session.from_dict(json.loads(json.dumps(session.to_dict()))) == session
+
+
+@pytest.mark.parametrize("session", [EMPTY, FULL], ids=["empty", "full"])
+def test_the_schema_accepts_every_session_and_no_other_key_or_type(session):
+    validator, document = jsonschema.Draft202012Validator(Session.schema()), json.loads(session.to_text())
+    assert validator.is_valid(document)
+    for wrong in ({"speed": 1}, {"confidence": "high"}, {"reading": {"rates": 1}}, {"version": 2}, {"curve": "all"}):
+        assert not validator.is_valid(document | wrong), wrong
 
 
 def test_the_document_has_only_what_differs():

@@ -19,7 +19,7 @@ def test_every_command_has_a_schema():
     assert set(NAMES) - WITHOUT == {name for name in SCHEMAS if not name.endswith("-event")}
 
 
-@pytest.mark.parametrize("name", ["calibration.json", *SCHEMAS])
+@pytest.mark.parametrize("name", ["calibration.json", "session.json", *SCHEMAS])
 def test_the_schema_is_one_and_is_printed(gmwm, name):
     jsonschema.Draft202012Validator.check_schema(schema(name))
     assert json.loads(gmwm("--schema", name).out) == schema(name)

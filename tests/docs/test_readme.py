@@ -1,4 +1,4 @@
-"""The gmwm commands of README run as printed, in their order, on a recording of the reader."""
+"""The gmwm commands of README run as printed, in their order, in an empty folder."""
 
 import shlex
 
@@ -6,7 +6,6 @@ import pytest
 from typer.testing import CliRunner
 
 from gmwm.cli.main import app
-from gmwm.theory.simulation import reference_imu, simulate
 from tests.docs import pages, shown
 
 pytestmark = pytest.mark.docs
@@ -16,7 +15,6 @@ README = pages.DOCS.parent / "README.md"
 
 def test_the_commands_of_readme_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    simulate(reference_imu(), rate=100.0, duration=300.0, rng=7).write(tmp_path / "static.csv")
     commands = [line for _, language, code in pages.blocks(README) if language == "sh" for line in pages.commands(code)]
     assert len(commands) >= 3
     for command in commands:

@@ -88,7 +88,7 @@ def test_few_units_have_a_symbol_and_a_name_each():
     told = fleet(2)
     alike = told.table.with_columns(unit=pl.col("unit").str.replace("lot/unit_(.).csv", "$1/unit.csv"))
     renamed = SimpleNamespace(table=alike, statistics=fleet_statistics(alike))
-    assert set(description(plot_fleet)(renamed).labels) >= {"0/unit.csv", "1/unit.csv"}
+    assert set(description(plot_fleet)(renamed).labels) >= {"0", "1"}
 
 
 @pytest.mark.slow

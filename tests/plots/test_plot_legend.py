@@ -8,6 +8,7 @@ from matplotlib.figure import Figure as MatplotlibFigure
 import gmwm
 from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_plan
 from gmwm.showing.plots.matplotlib import fold, width_of
+from gmwm.theory.processes.oscillator import name_in_text
 
 LONG = "a recording with a name that is much longer than any legend of one line can hold on a page of a journal"
 
@@ -49,7 +50,9 @@ def height_of_panel(picture):
 @pytest.mark.parametrize("units", ["si", "datasheet"])
 def test_many_terms(many, view, units):
     legend = assert_inside(plot_fit(many, view=view, units=units))
-    assert {text.get_text().split(":")[0] for text in legend.get_texts()} >= set(many.decomposition)
+    assert {text.get_text().split(":")[0] for text in legend.get_texts()} >= {
+        name_in_text(term, process) for term, process in zip(many.model.terms, many.model.processes, strict=True)
+    }
     assert_inside(plot_imu({"gyro_x": many, "gyro_y": many}, view=view, units=units))
 
 

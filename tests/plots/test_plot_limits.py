@@ -46,7 +46,9 @@ def test_up_to_two_lines_have_a_curve_each(lines, curves, wv):
         gmwm.Model.parse(model).wavelet_variance(12, 100.0), samples=100_000, rate=100.0, unit="rad/s"
     )
     fixed = model.replace("frequency=", "frequency=fixed(").replace(".0,", ".0),")
-    drawn = [label for label in fit_panel(gmwm.fit(fixed, curve)).labels if label.startswith(("SIN", f"{lines} lines"))]
+    drawn = [
+        label for label in fit_panel(gmwm.fit(fixed, curve)).labels if label.startswith(("line ", f"{lines} lines"))
+    ]
     assert len(drawn) == curves
 
 
@@ -59,7 +61,7 @@ def test_oscillations_have_their_frequency_in_a_plot_of_one_axis_and_one_curve_i
     fit = gmwm.fit(model, curve)
     alone, shared = fit_panel(fit), fit_panel(fit, alone=False, view="wavelet")
     names = {label.partition(":")[0] for label in alone.labels}
-    assert {"oscillation 0.564 Hz", "oscillation 10.2 Hz", "SIN"} <= names
+    assert {"oscillation 0.564 Hz", "oscillation 10.2 Hz", "line 3 Hz"} <= names
     assert set(shared.labels[-3:]) == {"WN", "Oscillations", "Lines"}
     both = sum(np.asarray(fit.decomposition[f"OSC[{k}]"]) for k in (1, 2))
     np.testing.assert_allclose(shared["Oscillations"].y, both)

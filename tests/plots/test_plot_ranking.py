@@ -94,7 +94,7 @@ def test_the_criteria_of_ten_stand_beside_their_models(ranking):
         wic = candidate.wic
         assert numbers[place].startswith(f"{wic.value:.2f} = {wic.loss:.2f} + {wic.optimism:.2f}")
         assert numbers[place].endswith("recommended") == candidate.recommended
-        assert numbers[place].endswith("as good") == (candidate.equivalent and not candidate.recommended)
+        assert numbers[place].endswith("equivalent") == (candidate.equivalent and not candidate.recommended)
     assert criteria.x.label == "WIC above the best"
     assert criteria.x.limits[0] < 0 < max(x for x, _ in dots) < criteria.x.limits[1]
     assert figure.title == "Gyroscope Y, models within 2·GM + WN + QN + RW"

@@ -49,7 +49,7 @@ def test_the_model_lies_on_the_spectrum(spectrum):
     np.testing.assert_allclose(panel["WN"].y, np.sqrt(2 * 4e-6 / RATE))
     np.testing.assert_allclose(model.y**2, panel["WN"].y ** 2 + panel["GM"].y ** 2)
     # The cross of the sinusoid is as high as its line, whose top is at most 1.4 dB lower between two frequencies.
-    (cross,) = panel["SIN"].y
+    (cross,) = panel["line 7.3 Hz"].y
     top = data.y[np.abs(data.x - 7.3) < 0.05].max()
     assert 0.8 < top / cross < 1.1
 

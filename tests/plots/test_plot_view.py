@@ -7,6 +7,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.showing.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label, view_of
 from gmwm.theory.processes import Model, Parameter, registry
+from gmwm.theory.processes.oscillator import name_in_text
 from tests.helpers import raises
 
 
@@ -85,7 +86,7 @@ def test_durations_read_well():
 def test_every_process_has_a_legend_with_units(name):
     process = registry[name].standard([0.6] * len(registry[name].nonlinear_parameters()))
     text = term_label(name, process, view_of("rad/s", "wavelet", "datasheet"), 100.0)
-    assert text.startswith(f"{name}: ")
+    assert text.startswith(f"{name_in_text(name, process)}: ")
     scale = process.scale_parameter()
     if scale in process.parameters[:2] and scale.signal_power:
         assert "deg/h" in text or "deg²/h²" in text
@@ -115,4 +116,4 @@ def test_lines_are_told_by_their_frequency_and_amplitude():
     line = Model.parse("SIN(frequency=60, power=2e-8)")
     for units, amplitude in (("si", "2×10⁻⁴ rad/s"), ("datasheet", "41 deg/h")):
         text = term_label("SIN[2]", line.processes[0], view_of("rad/s", "wavelet", units), 250.0)
-        assert text == f"SIN[2]: 60.0 Hz, A = {amplitude}"
+        assert text == f"line 60 Hz: A = {amplitude}"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 else:
     from pkgutil import resolve_name
 
-    class _Library:
+    class _LazyLibrary:
         """A library whose packages, or other names, are found when they are used; `mark` stands before such a name."""
 
         def __init__(self, name: str, mark: str) -> None:
@@ -27,4 +27,4 @@ else:
             value = self.__dict__[name] = resolve_name(f"{self._name}{self._mark}{name}")
             return value
 
-    scipy, polars = _Library("scipy", "."), _Library("polars", ":")
+    scipy, polars = _LazyLibrary("scipy", "."), _LazyLibrary("polars", ":")

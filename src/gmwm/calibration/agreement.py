@@ -182,6 +182,9 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         pairs = [(e, s) for e, s in zip(entries, axis_sheets, strict=True) if e is not None and s is not None]
         first = pairs[0][0]
         alike = _alike(symbol, [s.model for s in axis_sheets if s is not None])
+        frequencies = [entry.frequency for entry, _ in pairs if entry.frequency is not None]
+        # Two peaks within a tenth of their frequency are the same one: a mount moves a resonance by less.
+        alike = alike and (not frequencies or max(frequencies) < 1.1 * min(frequencies))
         usable = [(entry, _quantile(sheet)) for entry, sheet in pairs if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""

@@ -75,7 +75,7 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
         if row.axis != axis or not _is_shown(found, row):
             continue
         cells = ["" if models[k] is None else _cell(found, row, k) for k in part]
-        rows.append([f"{row.symbol} ({_unit(row)})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
+        rows.append([f"{row.name} ({_unit(row)})", *cells, *([_ANSWERS[row.agrees]] if end else [])])
     return rows
 
 
@@ -137,7 +137,7 @@ def _beside(found: Agreement, rows: Sequence[SharedNumber], heads: Sequence[str]
                 cells.append(_cell(found, row, k))
             else:
                 cells.append(_NONE if ratio is None or not math.isfinite(ratio) else f"{limit}{round_text(ratio, 3)}")
-        table.append([f"{row.axis} {row.symbol}", str(row.reference), *cells])
+        table.append([f"{row.axis} {row.name}", str(row.reference), *cells])
     return table
 
 
@@ -190,6 +190,11 @@ class SharedNumber(Documented):
         "axis", "symbol", "title", "unit", "entries", "apart", "pvalue", "adjusted", "agrees", "reason", "reference",
         "ratios",
     )  # fmt: skip
+
+    @property
+    def name(self) -> str:
+        """The symbol for readers, as `Entry.name` returns it."""
+        return next((entry.name for entry in self.entries if entry is not None), self.symbol)
 
     @property
     def apart(self) -> float | None:
@@ -290,7 +295,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
             }  # fmt: skip
             centre = geometric_mean(entry.value for entry in values.values()) if values else 1.0
             tests += [
-                Difference(name=f"{row.axis} {row.symbol}, {label}", ratio=entry.value / centre,
+                Difference(name=f"{row.axis} {row.name}, {label}", ratio=entry.value / centre,
                            lower=None if entry.low is None else entry.low / centre,
                            upper=None if entry.high is None else entry.high / centre,
                            pvalue=row.adjusted, differs=row.agrees is False)
@@ -330,7 +335,9 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain values for JSON."""
         differing = [f"{row.axis}.{row.symbol}" for row in self.disagreeing]
-        content = {"labels": self.labels, "size": self.size, "compared": len(self.compared), "disagreeing": differing}
+        differing += [f"{row.sensor}.{row.symbol}" for row in self.sensors if row.agrees is False]
+        count = len(self.compared) + len(self.sensors)
+        content = {"labels": self.labels, "size": self.size, "compared": count, "disagreeing": differing}
         for name in ("models", "rejected", "unmatched", "failed", "rows", "sensors", "verdict", "remarks"):
             content[name] = getattr(self, name)
         document: dict[str, Any] = plain(content, finite=False)

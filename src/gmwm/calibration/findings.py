@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text, round_text
+from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
@@ -26,6 +26,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.outliers import excess_text
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.noise import RW
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -295,12 +296,12 @@ def _excess(verdict: Verdict) -> dict[str, Fact]:
 
 def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it. The
-    power of a line is named by its frequency, as in tables."""
+    power of an oscillation is named by its frequency, as in tables."""
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
-        f"{term}.{process.scale_parameter().name}": f"line {round_text(abs(line[1]) * fit.wavelet_variance.rate, 3)} Hz"
+        f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
         for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
-        if (line := process.line(fit.wavelet_variance.rate)) is not None
+        if process.oscillation() is not None
     }
     parameters = tuple(lines.get(name, name) for name in needed)
     seconds = sorted(math.inf if length is None else length for length in needed.values())

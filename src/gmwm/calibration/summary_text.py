@@ -177,7 +177,7 @@ def _details(calibration: Calibration) -> list[list[str]]:
     parts = [
         [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
     ]
-    parts.append(_legend(calibration))
+    parts.append(wrap_text(legend(calibration)))
     parts += [
         [f"Why this model of {axis}?", *search_lines(result.search, TEXT_WIDTH)]
         for axis, result in calibration.axes.items() if result.search
@@ -271,7 +271,7 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
 
 
 def _line_rows(calibrations: Sequence[AxisCalibration]) -> list[list[str]]:
-    """Return the amplitudes of the lines by frequency, the strongest first, and the number of those left out."""
+    """Return amplitudes of lines and rms of oscillations by frequency, the strongest first, and the number left out."""
     columns = [lines_of(item.datasheet) for item in calibrations]
     strongest: dict[str, float] = {}
     for column in columns:
@@ -324,19 +324,23 @@ def _number_of(calibration: AxisCalibration, symbol: str) -> RecordingNumber | N
 
 
 def lines_of(sheet: Datasheet) -> dict[str, Entry]:
-    """Return the amplitudes of the lines of an axis by a name with their frequency, such as "line 0.564 Hz"."""
-    frequencies = {entry.term: entry.value for entry in sheet.values() if entry.symbol.startswith("f_0")}
-    return {
-        f"line {round_text(frequencies[entry.term], 3)} Hz": entry
-        for entry in reversed(sheet.entries)
-        if entry.term in frequencies and entry.symbol.partition("[")[0] == "A"
-    }
+    """Return the amplitudes of lines and the rms of oscillations, named by frequency, such as "line 0.564 Hz"."""
+    kinds = {"A": "line", "rms": "oscillation"}
+    lines = [
+        (kinds[kind], entry.frequency, entry) for entry in reversed(sheet.entries)
+        if entry.frequency is not None and (kind := entry.symbol.partition("[")[0]) in kinds
+    ]  # fmt: skip
+    names: list[str] = []
+    for digits in range(3, 9):  # more digits only if two lines are close
+        names = [f"{kind} {round_text(frequency, digits)} Hz" for kind, frequency, _ in lines]
+        if len(set(names)) == len(names):
+            break
+    return {name: entry for name, (_, _, entry) in zip(names, lines, strict=True)}
 
 
 def _entries_of(calibration: AxisCalibration) -> dict[str, Entry]:
     """Return the entries to show by symbol, without lines."""
-    lines = {entry.term for symbol, entry in calibration.datasheet.items() if symbol.startswith("f_0")}
-    return {symbol: entry for symbol, entry in calibration.datasheet.items() if entry.term not in lines}
+    return {symbol: entry for symbol, entry in calibration.datasheet.items() if entry.frequency is None}
 
 
 def _others(calibration: AxisCalibration) -> str:
@@ -354,11 +358,15 @@ def _outliers(calibration: AxisCalibration) -> str:
     return "yes: left out" if calibration.fit.wavelet_variance.robust else "yes: kept"
 
 
-def _legend(calibration: Calibration) -> list[str]:
+def legend(calibration: Calibration) -> str:
+    """Return the explanation of the symbols and words in the tables with all numbers."""
     named = key(entry for item in calibration.axes.values() for entry in _entries_of(item).values())
     level = calibration.settings.confidence
-    has_lines = any(lines_of(item.datasheet) for item in calibration.axes.values())
-    lines = " line: amplitude at this frequency." if has_lines else ""
+    names = {name.partition(" ")[0] for item in calibration.axes.values() for name in lines_of(item.datasheet)}
+    lines = "".join(
+        f" {name}: {what} at this frequency." for name, what in (("line", "amplitude"), ("oscillation", "rms"))
+        if name in names
+    )  # fmt: skip
     biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
     if biases:
         lines += (
@@ -374,7 +382,7 @@ def _legend(calibration: Calibration) -> list[str]:
             " spread: standard deviation between recordings without estimation errors; intervals include it. p of "
             "equality: p-value of the test that the recordings are equal."
         )
-    return wrap_text(
+    return (
         f"{named}. ±, +a/−b, a … b: {100 * level:g} % interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
         f"recommended. p: p-value of the goodness-of-fit test.{_filter_note(calibration)}{lines}"

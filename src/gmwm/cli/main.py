@@ -314,7 +314,7 @@ def _print_schema(name: str | None) -> None:
         raise typer.Exit
 
 
-_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, or of calibration.json."
+_SCHEMA_HELP = "Print the JSON Schema of the output of a command with --json, of calibration.json or session.json."
 _PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
 gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
@@ -336,12 +336,10 @@ def _gmwm(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     man: Annotated[
-        bool,
-        typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -."),
+        bool, typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -.")
     ] = False,
     schema: Annotated[
-        str | None,
-        typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP),
+        str | None, typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP)
     ] = None,
 ) -> None:
     """Print the help if no command is given."""
@@ -394,15 +392,21 @@ SCHEMAS = Path(__file__).with_name("schemas.json")
 
 
 def schema(name: str) -> dict[str, Any]:
-    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of
-    calibration.json."""
+    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of the files
+    calibration.json and session.json."""
     if name == "calibration.json":
         from gmwm.calibration.result import Calibration
 
         return Calibration.schema()
+    if name == "session.json":
+        from gmwm.applications.app.session import Session
+
+        return Session.schema()
     schemas = json.loads(SCHEMAS.read_text(encoding="utf-8"))
     if name not in schemas:
-        raise OptionError(argument="schema", expected=f"one of calibration.json, {', '.join(schemas)}", got=name)
+        raise OptionError(
+            argument="schema", expected=f"one of calibration.json, session.json, {', '.join(schemas)}", got=name
+        )
     return {"$schema": DIALECT, "title": f"gmwm {name}", **schemas[name]}
 
 

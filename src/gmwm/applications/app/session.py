@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from gmwm.base.documents import DIALECT, Schemas
 from gmwm.base.errors import GmwmError, OptionError, ReadError
-from gmwm.base.kinds import Document, require_kinds
+from gmwm.base.kinds import Document, field_types, require_kinds
 from gmwm.base.template import shell_word
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
@@ -105,12 +106,27 @@ class Session:
     def to_dict(self) -> dict[str, Any]:
         """Return the values that differ from their defaults, as plain values for JSON."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
+        changed = {name: value for name, value in values.items() if value != getattr(EMPTY, name)}
+        return {name: dict(value) if isinstance(value, Mapping) else value for name, value in changed.items()}
 
     def to_text(self) -> str:
         """Return the session as the text of session.json."""
         content = {"format": FORMAT, "version": VERSION, **self.to_dict()}
         return json.dumps(content, ensure_ascii=False, indent=1) + "\n"
+
+    @classmethod
+    def schema(cls) -> dict[str, Any]:
+        """Return the JSON Schema (draft 2020-12) of session.json. A key that is absent has its default."""
+        schemas = Schemas({"type": "number"})
+        reading, session = (
+            {name: schemas.of(kind) for name, kind in field_types(part).items()} for part in (ReadOptions, cls)
+        )
+        named = {"format": {"const": FORMAT}, "version": {"const": VERSION}}
+        options = {"type": "object", "properties": reading, "additionalProperties": False}
+        return {
+            "$schema": DIALECT, "title": FORMAT, "type": "object", "required": [*named], "additionalProperties": False,
+            "properties": {**named, **session, "reading": options}, "$defs": schemas.by_name,
+        }  # fmt: skip
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -160,10 +176,6 @@ def _positive(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
         raise OptionError(argument=name, expected="a positive number", got=value)
     return float(value)
-
-
-def _plain(value: Any) -> Any:
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 EMPTY = Session()

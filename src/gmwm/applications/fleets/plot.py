@@ -108,7 +108,7 @@ def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetSta
 
 def _rank(units: Sequence[str]) -> Callable[[Mark], int]:
     """Return a function that orders marks for the legend: units in their order, then what is said about all units."""
-    order = [_short(unit) for unit in units] + [*units, "Unit", "Outlier", "Typical value", "Range", "Upper limits"]
+    order = [*_short(units), *units, "Unit", "Outlier", "Typical value", "Range", "Upper limits"]
     return lambda mark: next((k for k, start in enumerate(order) if mark.label.startswith(start)), len(order))
 
 
@@ -159,7 +159,8 @@ def _strip(place: int, sample: ParameterSample, found: FleetStatistics, factor: 
     further, edges = _further(place, row, factor=factor, colour=stroke.colour, confidence=found.confidence)
     marks = [*further[:1], *marks, *further[1:]]
     heights = np.concatenate([heights, edges])
-    stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
+    names = _short(units)
+    stars = [(float(w), float(v), names[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
         marks.append(
@@ -177,7 +178,7 @@ def _dots(
         dots = Stroke(colour, 0.0, symbol="circle")
         label = "Unit, with its confidence interval"
         return [Polyline(across[alike], value[alike], stroke=dots, label=label, layer=MIDDLE, swatch=GREY)]
-    short = [_short(unit) for unit in units]
+    short = _short(units)
     names = short if len(set(short)) == len(short) else units
     return [
         Polyline(
@@ -240,10 +241,10 @@ def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
 def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
     """Return the names of outliers as texts beside their symbols, as long as the texts do not overlap."""
     texts: list[Text] = []
-    for across, tall, unit in stars:
+    for across, tall, name in stars:
         low, high = y.limits
         up = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
-        half = LETTER * (len(_short(unit)) + 1) / 2
+        half = LETTER * (len(name) + 1) / 2
         # The dots of the strip have other heights, and the interval is at the star: the name is beside the star.
         inward = -half if across > round(across) else half
         side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0]) + inward))
@@ -251,15 +252,21 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
             abs(up - text.y) > CLEAR or abs(side - text.x) > half + LETTER * len(text.text) / 2 for text in texts
         )
         if len(texts) < NAMED and clear:
-            texts.append(Text(_short(unit), side, up))
+            texts.append(Text(name, side, up))
     return tuple(texts)
 
 
-def _short(unit: str) -> str:
-    """Return the last letters of a unit's file name without suffix, in which most names differ.
+def _short(units: Sequence[str]) -> list[str]:
+    """Return the last letters of the files' names without suffix, in which most names differ, or those of their folders
+    if all folders have a file of the same name.
 
-    >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
-    ('unit_0005', '…g_of_unit_0005')
+    >>> _short(["lot2/unit_0005.csv", "a_recording_of_unit_0006.csv"])
+    ['unit_0005', '…g_of_unit_0006']
+    >>> _short(["unit_1/static.csv", "unit_2/static.csv"])
+    ['unit_1', 'unit_2']
     """
-    name = PurePosixPath(unit).stem
-    return name if len(name) <= LETTERS else f"…{name[-LETTERS:]}"
+    paths = [PurePosixPath(unit) for unit in units]
+    names = [path.stem for path in paths]
+    if len(set(names)) == 1 < len(names):
+        names = [path.parent.name for path in paths]
+    return [name if len(name) <= LETTERS else f"…{name[-LETTERS:]}" for name in names]

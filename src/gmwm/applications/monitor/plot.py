@@ -101,7 +101,9 @@ def _panel(axis: AxisConsistency, level: float, units: UnitSystem) -> Panel:
         Polyline(times, real, OBSERVED, label="Real error", layer=3),
     ]
     y = value_axis(limits_of(np.concatenate([claimed, real])), f"Error of the mean ({view.unit or 'unit of the data'})")
-    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(Text(axis.verdict, 0.5, 0.94),))
+    at = ", ".join(duration_text(error.horizon) for error in axis.errors if error.verdict == axis.verdict)
+    text = Text(f"{axis.verdict} at {at}", 0.5, 0.94)
+    return Panel(time_axis(times, "Horizon (s)"), y, tuple(marks), texts=(text,))
 
 
 @drawing

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from gmwm.applications.navigation.result import RIGHT_ANGLE, Budget, Growth, largest
+from gmwm.applications.navigation.result import RIGHT_ANGLE, Budget, Growth, largest, merged_terms
 from gmwm.base.arrays import Vector
 from gmwm.base.text import duration_text
 from gmwm.showing.plots.axes import limits_near, time_axis, value_axis
@@ -32,14 +31,11 @@ def _chosen(budget: Budget) -> dict[str, Growth]:
 
 
 def _drawn_terms(growth: Growth) -> dict[str, Vector]:
-    """Return the terms to draw. The oscillations of an axis are one curve, the root of their sum of squares."""
-    terms: dict[str, Vector] = {}
-    for term, values in growth.terms.items():
-        label = re.sub(r" OSC(\[\d+\])?$", " oscillations", term)
-        terms[label] = np.hypot(terms.get(label, 0.0), values)
+    """Return the terms to draw."""
     with np.errstate(divide="ignore", invalid="ignore"):
         # Terms of at least 3 % of the total error are drawn (tests/plots/test_plot_budget.py).
-        return {label: values for label, values in terms.items() if np.nanmax(values / growth.error) > 0.03}
+        parts = merged_terms(growth).items()
+        return {label: values for label, values in parts if np.nanmax(values / growth.error) > 0.03}
 
 
 def _growth(growth: Growth, strokes: Mapping[str, Stroke], budget: Budget) -> Panel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -227,9 +228,18 @@ def error_text(one: Growth, k: int = -1) -> str:
     return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
 
 
+def merged_terms(growth: Growth) -> dict[str, Vector]:
+    """Return the terms of an error. The oscillations of an axis are one term, the root of their sum of squares."""
+    terms: dict[str, Vector] = {}
+    for term, values in growth.terms.items():
+        label = re.sub(r" OSC(\[\d+\])?$", " oscillations", term)
+        terms[label] = np.hypot(terms.get(label, 0.0), values)
+    return terms
+
+
 def terms_text(one: Growth, k: int = -1) -> str:
     """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
-    parts = sorted(((float(values[k]), label) for label, values in one.terms.items()), reverse=True)
+    parts = sorted(((float(values[k]), label) for label, values in merged_terms(one).items()), reverse=True)
     named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
     return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
 

@@ -28,6 +28,7 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.oscillator import name_in_text
 from gmwm.theory.processes.parameter import Physical
 
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datasheet", "numbers_at", "with_limits"]
@@ -178,7 +179,9 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         remarks += [remark] if remark else []
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
-        entries = [_as_bias(entry) if entry.symbol == _FLICKER else entry for entry in entries]
+        # The coefficient of a flicker term is the bias instability B, as the standard defines it.
+        bias_of = f"{LAWS[SYMBOL].name} of "
+        entries = [replace(e, symbol=SYMBOL, title=bias_of + e.title) if e.symbol == _FLICKER else e for e in entries]
     else:
         bias, remark = _bias(judged)
     entries += [bias] if bias else []
@@ -196,14 +199,14 @@ def _beside(entry: Entry, entries: list[Entry]) -> Entry:
 
 def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry], Remark | None]:
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
-    wv = judged.fit.wavelet_variance
+    wv, name = judged.fit.wavelet_variance, name_in_text(term, process)
     if process.scale == 0 and free_shape(process):
-        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="zero", process="")
+        return [], Remark.of("no-number", wv.axis, case="term", term=name, because="zero", process="")
     if other := judged.fit.diagnostics.acts_as.get(term):
-        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="acts", process=other)
+        return [], Remark.of("no-number", wv.axis, case="term", term=name, because="acts", process=other)
     numbers = process.physical(wv.rate)
     if not numbers:
-        return [], Remark.of("no-number", wv.axis, case="term", term=term, because="none", process="")
+        return [], Remark.of("no-number", wv.axis, case="term", term=name, because="none", process="")
     weak = judged.weak(term, process)
     return [_entry(judged, term, process=process, number=number, weak=weak) for number in numbers], None
 
@@ -233,6 +236,7 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
     return Entry(
         symbol=number.symbol + bracket + place, title=number.title, value=factor * value, low=low, high=high, unit=unit,
         term=term, upper_only=upper_only, held=held,
+        frequency=next((n.value for n in process.physical(wv.rate) if n.symbol == "f_0"), None),
     )  # fmt: skip
 
 
@@ -256,11 +260,6 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
     except MissingTheoryError as error:
         axis = judged.fit.wavelet_variance.axis
         return None, Remark.of("no-number", axis, case="b", reason=error.reason)
-
-
-def _as_bias(entry: Entry) -> Entry:
-    """Return the entry of a flicker coefficient as the entry of the bias instability B, as the standard defines it."""
-    return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:

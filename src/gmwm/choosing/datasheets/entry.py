@@ -14,7 +14,7 @@ from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Tabular
-from gmwm.base.text import align
+from gmwm.base.text import align, round_text
 from gmwm.base.units import datasheet_units, spelt
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ class Entry:
         Whether the number was held fixed instead of estimated.
     tau : float or None
         Averaging time (s) at which the number is read from the Allan deviation; None for other numbers.
+    frequency : float or None
+        Frequency (Hz) of the line or oscillation that the number describes; None for other numbers.
 
     Examples
     --------
@@ -72,6 +74,14 @@ class Entry:
     upper_only: bool = False
     held: bool = False
     tau: float | None = None
+    frequency: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The symbol for readers. A number of an oscillation has its frequency instead of its place in the model."""
+        if self.frequency is None:
+            return self.symbol
+        return f"{self.symbol.partition('[')[0]} at {round_text(self.frequency, 3)} Hz"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -124,12 +134,14 @@ class Entry:
             return "not determined"
         if self.upper_only:
             return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)}{unit}".replace("± ", "±")
-        shown = _alike(value, low, high)
+        shown = [part.replace("-", "−") if part.startswith("-") else part for part in _alike(value, low, high)]
         return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain values for JSON. An infinite limit becomes None."""
         values = asdict(self)
+        if self.frequency is None:
+            del values["frequency"]
         if self.high is not None and not math.isfinite(self.high):
             values["high"] = None
         return values
@@ -143,7 +155,7 @@ class Entry:
         return cls(**fields)
 
     def __str__(self) -> str:
-        return f"{self.symbol} = {self.text()}".replace("= ≤", "≤")
+        return f"{self.name} = {self.text()}".replace("= ≤", "≤")
 
 
 def significant(x: float, digits: int) -> str:
@@ -280,7 +292,7 @@ class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
         units : "si" or "datasheet"
             Units of the numbers, as in `Entry.in_units`.
         """
-        rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
+        rows = [(entry.name, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
         about = (remark.about("") for remark in self.remarks)
         return "\n".join([self._head(), *align(rows), *texts(about)])
 
@@ -312,7 +324,7 @@ class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{escape(entry.symbol)}</td><td>{escape(_title(entry))}</td><td>{escape(entry.text())}</td>"
+            f"<tr><td>{escape(entry.name)}</td><td>{escape(_title(entry))}</td><td>{escape(entry.text())}</td>"
             f"<td>{escape(entry.text('si'))}</td></tr>"
             for entry in self.entries
         )

@@ -211,7 +211,7 @@ class Replicates(RecordingComparison):
         rows = [["", *self.recordings, "together", "spread"]]
         for number in self.numbers:
             unit = number.pooled.units[0]
-            title = number.symbol if unit == "1" else f"{number.symbol} ({unit})"
+            title = number.pooled.name if unit == "1" else f"{number.pooled.name} ({unit})"
             values = ["" if entry is None else _short(entry) for entry in number.entries.values()]
             rows.append([title, *values, _short(number.pooled), spread_text(number)])
         return rows

@@ -371,7 +371,7 @@ class Ranking(Plotted, Tabular):
         lines += align([head, *rows], right=range(2, len(head) - 1), indent="")
         if more := len(self.distinct) - len(rows):
             lines.append(f"… and {more} more")
-        lines += ["* recommended, = as good as the best model", ""]
+        lines += ["* recommended, = equivalent to the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
         # Largest number of characters in a line of the remarks.
         return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])

@@ -29,6 +29,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.equivalence import likeness
 from gmwm.theory.processes.model import KalmanMethods, Model
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -339,7 +340,7 @@ def _of_terms(
                 amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
             )  # fmt: skip
     for term in zero:
-        yield Remark.of("term-zero", wv.axis, case="fit", term=term)
+        yield Remark.of("term-zero", wv.axis, case="fit", term=name_in_text(term, processes[term]))
     for term, process in processes.items():
         if process.scale > 0 and term not in acts_as:
             yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

@@ -44,6 +44,8 @@ class TailLimits:
     chance: float = 3.5
     """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
     docs/validation/tails.md, as are the other constants of this module."""
+    chance_with_lags: float = 2.5
+    """The same for the shortest blocks if there are moments at lags (docs/validation/moments.md)."""
     change_by_ends: float = 0.05  # largest change of λ that the ends of blocks cause
     material: float = 0.05
     """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
@@ -54,7 +56,6 @@ class TailLimits:
 
 
 LIMITS = TailLimits()
-
 
 UNBOUNDED = ((12.0, 40.0, 100.0), (1.0, 4.0, 6.0))
 """Measured excess kurtosis, and the factor on the covariance. Student noise with 4, 3 and 2.5 degrees of freedom has 8
@@ -67,9 +68,9 @@ class TailSums:
     memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
     samples."""
 
-    def __init__(self, block: int = LIMITS.block) -> None:
+    def __init__(self, block: int = LIMITS.block, chance: float = LIMITS.chance) -> None:
         self._panels = Panels(LEAST_PANEL_SAMPLES)
-        self._block = block
+        self._block, self._chance = block, chance
         sizes = int(np.log2(LEAST_PANEL_SAMPLES // block)) + 1
         # For each block length: number of blocks that have a level, sums of mean squares, and sums of their products.
         self._number = np.zeros((sizes, LIMITS.most_levels))
@@ -110,7 +111,8 @@ class TailSums:
             n = float(blocks[reach - 1])
             relative = block * covariance[:reach, :reach] / np.outer(own[:reach], own[:reach])
             factor, ratio = _common_factor(relative, gaussian[:reach, :reach], shapes[:reach])
-            edge = 1 + LIMITS.chance * np.sqrt(2 / n) + LIMITS.change_by_ends
+            chance = self._chance if block == self._block else LIMITS.chance  # longer blocks are few
+            edge = 1 + chance * np.sqrt(2 / n) + LIMITS.change_by_ends
             if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
                 best, found = ratio, factor
         if found is None:
@@ -161,9 +163,8 @@ class TailSums:
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
 
-    `wv` is the classical Haar wavelet variance of the signal, with moments at lags or without. E = c l lᵀ, with a size
-    c and a loading l_j of each level; see the module docstring. A lag has the loading of level 1. The result is None if
-    a Gaussian signal explains the covariance.
+    `wv` is the classical Haar wavelet variance of the signal. Moments at lags have the loading of level 1. The result
+    is None if a Gaussian signal explains the covariance; see the module docstring.
 
     >>> from gmwm import wavelet_variance
     >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
@@ -171,7 +172,7 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     True
     """
     haar = wv if wv.without_lags is wv else wavelet_variance(x)
-    sums = TailSums(LIMITS.block if haar is wv else LIMITS.block_with_lags)
+    sums = TailSums() if haar is wv else TailSums(LIMITS.block_with_lags, LIMITS.chance_with_lags)
     for segment in x.segment_values():
         sums.update(segment)
         sums.gap()

@@ -16,6 +16,7 @@ from gmwm.base.units import SI_UNIT, by_sensor, find_unit, noise_unit
 from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order, number
+from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
 from gmwm.showing.exporters.reduction import axis_noise
@@ -63,10 +64,15 @@ class CsvTable(Exporter):
                     for value, low, high, unit in map(entry.in_units, ("si", "datasheet"))
                 )
                 rows.writerow(
-                    [*map(_text, (axis, found.fit.model.structure, entry.symbol, entry.title, entry.term or "")),
+                    [*map(_text, (axis, found.fit.model.structure, entry.symbol, _title(entry), entry.term or "")),
                      *si, str(entry.upper_only).lower(), *datasheet]
                 )  # fmt: skip
         return "\n".join([*head, out.getvalue()])
+
+
+def _title(entry: Entry) -> str:
+    """Return the title of a number; that of an oscillation has its frequency."""
+    return entry.title if entry.frequency is None else f"{entry.title} {entry.name.partition(' ')[2]}"
 
 
 def _text(cell: str) -> str:
@@ -104,12 +110,13 @@ class LatexTable(Exporter):
 
 
 def _tabular(sensor: str, axes: Mapping[str, AxisCalibration]) -> str:
-    sheets = [found.datasheet for found in axes.values()]
+    sheets = [{entry.name: entry for entry in found.datasheet.entries} for found in axes.values()]
     table = [[SENSORS.get(sensor, sensor or "Axes"), *axes]]
     table.append(["model", *(found.fit.model.structure for found in axes.values())])
-    for symbol in in_order([list(sheet) for sheet in sheets]):
-        unit = next(sheet[symbol].in_units("datasheet")[3] for sheet in sheets if symbol in sheet)
-        table.append([f"{symbol} ({unit})", *(number(sheet[symbol]) if symbol in sheet else "" for sheet in sheets)])
+    for name in in_order([list(sheet) for sheet in sheets]):
+        unit = next(sheet[name].in_units("datasheet")[3] for sheet in sheets if name in sheet)
+        title = name if unit == "1" else f"{name} ({unit})"
+        table.append([title, *(number(sheet[name]) if name in sheet else "" for sheet in sheets)])
     lines = [" & ".join(map(latex, row)) + r" \\" for row in table]
     return "\n".join(
         [rf"\begin{{tabular}}{{l{'r' * len(axes)}}}", r"\hline", lines[0], r"\hline", *lines[1:], r"\hline",

@@ -52,7 +52,7 @@ _RESULTS = {
     "measuring.variance.clusters.ClusterVariance": "allan.plot_allan",
     "measuring.variance.result.WaveletVariance": "curves.plot_wavelet_variance",
     "recording.signals.Imu": "series.plot_recording", "recording.signals.Signal": "series.plot_signal",
-    "theory.simulation.components.SimulatedSignal": "series.plot_components",
+    "theory.simulation.api.SimulatedSignal": "series.plot_components",
 }  # fmt: skip
 """Functions of this package by the result that they draw."""
 _OTHERS = ("allan.plot_allan_axes", "likelihood.plot_autocorrelation", "series.plot_coefficients",

@@ -38,6 +38,7 @@ from gmwm.showing.plots.labels import (
 )
 from gmwm.showing.plots.style import GREY, IMPLIED, OSCILLATING, curve_stroke, term_strokes
 from gmwm.theory.processes.ordered import Ordered
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +70,10 @@ def fit_panel(
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
     if alone:
         return _with_hidden_terms(panel, terms)
-    zero = [term for term, variance in fit.decomposition.items() if not np.any(variance > 0)] if decomposition else []
+    zero = [
+        name_in_text(term, process) for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        if not np.any(fit.decomposition[term] > 0)
+    ] if decomposition else []  # fmt: skip
     return replace(panel, texts=(*panel.texts, *_zero_text(zero)))
 
 
@@ -118,7 +122,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
         lines.append(Polyline(times, y, stroke=stroke, label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
-        label = f"{', '.join(zero)}: zero, not supported"
+        label = f"{', '.join(name_in_text(term, processes[term]) for term in zero)}: zero, not supported"
         lines.append(Polyline(times, nothing, stroke=Stroke(GREY, 0.0), label=label, layer=ABOVE))
     return tuple(lines)
 

@@ -14,6 +14,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, letter_of, noise_unit, parse_unit, sensor_of
 from gmwm.showing.plots.axes import number_text
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.oscillator import name_in_text
 from gmwm.theory.processes.parameter import Parameter, Physical
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
@@ -58,18 +59,6 @@ def axis_title(axis: str) -> str:
     return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
 
 
-def term_name(term: str, process: Process, rate: float) -> str:
-    """Return the name of a term for readers. An oscillation is named by its frequency, not by its number in the model.
-
-    >>> from gmwm.processes import OSC, WN
-    >>> term_name("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0), 100.0), term_name("WN", WN(), 100.0)
-    ('oscillation 0.564 Hz', 'WN')
-    """
-    if shared_name(process, rate) != OSCILLATIONS:
-        return term
-    return f"oscillation {_three_digits(process.oscillation() or 0.0)} Hz"
-
-
 def shared_name(process: Process, rate: float) -> str:
     """Return the name of the sum to which a term belongs in a plot of several axes; "" if it has a curve of its own."""
     if process.line(rate) is not None:
@@ -88,9 +77,9 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), view, rate=100.0)
     'GM[1]: T = 50 s, σ = 3×10⁻⁴ rad/s'
     >>> term_label("SIN", SIN(frequency=0.7, power=2e-8), view, rate=100.0)
-    'SIN: 0.700 Hz, A = 2×10⁻⁴ rad/s'
+    'line 0.7 Hz: A = 2×10⁻⁴ rad/s'
     """
-    name = term_name(term, process, rate)
+    name = name_in_text(term, process)
     texts = [
         _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
         for p in process.parameters[name != term : 2]
@@ -108,11 +97,11 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     >>> datasheet_label("GM[1]", GM(beta=0.02, sigma2=9e-8), "rad/s", rate=100.0)
     'GM[1]: T_c = 50 s, q_c = 740 deg/h/√h'
     >>> datasheet_label("SIN", SIN(frequency=0.7, power=2e-8), "rad/s", rate=100.0)
-    'SIN: 0.700 Hz, A = 41 deg/h'
+    'line 0.7 Hz: A = 41 deg/h'
     >>> datasheet_label("AR(2)", AR(phi=[0.59, -0.9], sigma2=1e-7), "rad/s", rate=100.0)
     'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
     """
-    name = term_name(term, process, rate)
+    name = name_in_text(term, process)
     numbers = process.physical(rate)[name != term :]
     # The frequency of a sinusoid needs no symbol, but the bandwidth of a noise process does.
     named = any(number.signal_power and number.time_power for number in numbers)

@@ -126,7 +126,7 @@ def _numbers(candidate: Candidate) -> str:
 
 
 def _word(candidate: Candidate) -> str:
-    return "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+    return "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
 
 
 def _name(candidate: Candidate) -> str:

@@ -190,7 +190,11 @@ def plot_differences(
     heights = np.concatenate([_ends(test) for test in shown])
     limits = limits_of(np.append(heights[np.isfinite(heights) & (heights > 0)], 1.0))
     x = value_axis(limits, f"Ratio (1: no difference){left_out}")
-    ticks = tuple(Tick(place, test.name) for test, place in zip(shown, places, strict=True))
+    # If all ratios are of one recording or unit, the title has its name instead of each row.
+    parts = {test.name.partition(", ")[2] for test in shown}
+    title = f"{parts.pop()} over the others" if len(parts) == 1 and "" not in parts else ""
+    names = [test.name.partition(", ")[0] if title else test.name for test in shown]
+    ticks = tuple(Tick(place, name) for name, place in zip(names, places, strict=True))
     y = Axis("", (0.4, len(shown) + 0.6), ticks, linear=math.inf)
     marks: list[Mark] = [Polyline(np.ones(2), np.array(y.limits), stroke=Stroke(BLACK, 0.9), label="Equal")]
     for differs, (stroke, label) in _STROKES.items():
@@ -202,7 +206,7 @@ def plot_differences(
             marks.append(Polyline(across, lines, stroke=Stroke(stroke.colour, stroke.width), label="", layer=1))
             marks.append(Polyline(ratios, at, stroke=Stroke(
                 stroke.colour, 0.0, symbol=stroke.symbol, filled=stroke.filled), label=label, layer=2))  # fmt: skip
-    return Figure(((Panel(x, y, tuple(marks)),),), width=PAGE, height=40.0 + 4.5 * len(shown))
+    return Figure(((Panel(x, y, tuple(marks), title),),), width=PAGE, height=40.0 + 4.5 * len(shown), legend_columns=3)
 
 
 BEFORE = Stroke(BLUE, 0.0, (), "circle", filled=False)

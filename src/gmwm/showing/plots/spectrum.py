@@ -17,10 +17,11 @@ from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, drawing, single_panel
 from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name, term_name
+from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name
 from gmwm.showing.plots.style import BLUE, IMPLIED, OSCILLATING, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
 from gmwm.theory.processes.ordered import Ordered
+from gmwm.theory.processes.oscillator import name_in_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +105,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
             power, cycles = line
             height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
             symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")
-            label = "" if many and term != lines[0] else f"{len(lines)} lines" if many else term
+            label = "" if many and term != lines[0] else f"{len(lines)} lines" if many else name_in_text(term, process)
             terms.append(Polyline(np.array([cycles * rate]), drawable(height), stroke=symbol, label=label, layer=ABOVE))
         elif process.has("psd"):
             density = 2 * process.psd(f, rate)
@@ -113,8 +114,8 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
                 oscillations += density
             elif np.any(density > 0):
                 y = drawable(factor * np.sqrt(density))
-                name = term_name(term, process, rate)
-                label = "Sensor filter" if isinstance(process, Ordered) and not alone else name
+                shown = name_in_text(term, process)
+                label = "Sensor filter" if isinstance(process, Ordered) and not alone else shown
                 terms.append(Polyline(f, y, stroke=strokes[term], label=label, layer=ABOVE))
     if np.any(oscillations > 0):
         y = drawable(factor * np.sqrt(oscillations))

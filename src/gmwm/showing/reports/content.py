@@ -18,7 +18,7 @@ from gmwm.base.text import round_fixed, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import model_words, rows_of
+from gmwm.calibration.summary_text import legend, model_words, rows_of
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -31,6 +31,7 @@ from gmwm.showing.exporters import export, export_formats
 from gmwm.showing.plots.labels import DATASHEET_UNIT, axis_title
 from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
+from gmwm.theory.processes.oscillator import name_in_text
 
 Rows = list[list[str]]
 """Rows of a table below a row of headings; empty if there is nothing to show."""
@@ -186,6 +187,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
             {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
             for sensor, members in by_sensor(calibration.axes).items()
         ],
+        "legend": legend(calibration),
         "sensors": sensors,
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
@@ -314,7 +316,7 @@ def _number(entry: Entry) -> dict[str, Any]:
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
-        "symbol": entry.symbol,
+        "symbol": entry.name,
         "title": entry.title + at,
         "datasheet": entry.text(usual),
         "si": entry.text("si"),
@@ -335,13 +337,14 @@ def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     units = fit.units()
     rows = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        of_frequency = f" of {shown}" if (shown := name_in_text(term, process)) != term else ""
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             nothing = name in fit.undetermined
             interval = axis.intervals.get(name)
             held = process.is_fixed(parameter.name)
             rows.append({
-                "name": name, "symbol": parameter.symbol, "title": parameter.description,
+                "name": name, "symbol": parameter.symbol, "title": parameter.description + of_frequency,
                 "value": "undetermined: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
                 "interval": "fixed" if held else "" if interval is None else _interval(*interval),
                 "unit": units[name],

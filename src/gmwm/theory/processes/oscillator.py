@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, as_levels, as_rate, freeze
 from gmwm.base.remarks import Quantity, Remark
+from gmwm.base.text import round_text
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes import exponential_sum
@@ -208,6 +209,22 @@ class OSC(Process):
         ratio, turn = _relative_rates(np.asarray(self.value("quality")))
         natural = 2.0 * math.pi * self.value("frequency")
         return natural * float(ratio), natural * float(turn)
+
+
+def name_in_text(term: str, process: Process) -> str:
+    """Return the name of a term for readers. A nearly periodic process is named by its frequency, and not by its number
+    in the model.
+
+    >>> from gmwm.processes import SIN, WN
+    >>> name_in_text("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0)), name_in_text("WN", WN())
+    ('oscillation 0.564 Hz', 'WN')
+    >>> name_in_text("SIN", SIN(frequency=50.0, power=1.0))
+    'line 50 Hz'
+    """
+    frequency = process.oscillation() if process.is_complete else None
+    if frequency is None:
+        return term
+    return f"{'oscillation' if isinstance(process, OSC) else 'line'} {round_text(frequency, 3)} Hz"
 
 
 def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:

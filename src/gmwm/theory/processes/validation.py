@@ -19,6 +19,7 @@ from gmwm.base.text import defined_anew, is_own
 
 if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
+    from gmwm.theory.processes.model import Model
 
 
 @cache
@@ -204,3 +205,10 @@ def check_calls(cls: type[Process], base: type[Process]) -> None:
                 f"it is {name}{signature(function_of(method))}",
                 argument=name,
             ) from error
+
+
+def require_values(model: Model, what: str, advice: str) -> None:
+    """Raise a ModelError if a parameter of a model has no value. `what` needs the values, such as "a simulation"."""
+    missing = [name for name, value in model.parameters.items() if value is None]
+    if missing:
+        raise ModelError(f"{what} of {model} needs a value for {', '.join(missing)}", advice=advice)

@@ -258,7 +258,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
     def show(choice: ModelChoice) -> list[Any]:
         ranking, listed = choice.ranking, []
         for candidate in ranking.distinct[:12]:
-            mark = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+            mark = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
             pvalue = "" if candidate.pvalue is None else p_text(candidate.pvalue)
             use = widgets.button(
                 "Use", {"type": "use", "model": candidate.structure}, "small", title=f"Use {candidate.structure}"
