@@ -189,8 +189,9 @@ def true_until(fit: Fit, white: float, walk: float) -> float | None:
         times = [
             t for t in (1, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
         ]
-        true = [TRUE_CLAIM[0] <= claim(fit, white, walk, time) <= TRUE_CLAIM[1] for time in times]
-        stored[white, walk] = None if all(true) else float(times[max(true.index(False) - 1, 0)])
+        claims = (claim(fit, white, walk, time) for time in times)
+        false = next((k for k, share in enumerate(claims) if not TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), None)
+        stored[white, walk] = None if false is None else float(times[max(false - 1, 0)])
     return stored[white, walk]
 
 
