@@ -125,7 +125,8 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
             advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray) else advice,
         )
     for axis, item in items.items():
-        if not isinstance(item, Signal | WaveletVariance | None) and not _is_pair(item):
+        pair = isinstance(item, tuple) and len(item) == 2 and all(isinstance(wv, WaveletVariance) for wv in item)
+        if not pair and not isinstance(item, Signal | WaveletVariance | None):
             raise OptionError(
                 f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
                 argument="data",
@@ -139,11 +140,6 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
         if item is not None:
             _check_unit(axis, item[0].unit if isinstance(item, tuple) else item.unit)
     return chosen
-
-
-def _is_pair(item: object) -> bool:
-    """Return whether an item is a pair of curves."""
-    return isinstance(item, tuple) and len(item) == 2 and all(isinstance(wv, WaveletVariance) for wv in item)
 
 
 def _check_unit(axis: str, unit: str) -> None:

@@ -71,10 +71,7 @@ def demo(
     say(summary(calibration, Dialect.SHELL))
     document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)
     rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
-    files = (
-        *calibration_files(calibration, output, document=document, text=text, plots=plots),
-        *kalibr.files,
-    )
+    files = (*calibration_files(calibration, output, document=document, text=text, plots=plots), *kalibr.files)
     return Outcome(
         command="demo",
         document={

@@ -336,12 +336,10 @@ def _gmwm(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
     man: Annotated[
-        bool,
-        typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -."),
+        bool, typer.Option("--man", callback=_print_manual, is_eager=True, help="Print the manual page, for man -l -.")
     ] = False,
     schema: Annotated[
-        str | None,
-        typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP),
+        str | None, typer.Option(callback=_print_schema, is_eager=True, metavar="COMMAND", help=_SCHEMA_HELP)
     ] = None,
 ) -> None:
     """Print the help if no command is given."""

@@ -106,7 +106,8 @@ class Session:
     def to_dict(self) -> dict[str, Any]:
         """Return the values that differ from their defaults, as plain values for JSON."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: _plain(value) for name, value in values.items() if value != getattr(EMPTY, name)}
+        changed = {name: value for name, value in values.items() if value != getattr(EMPTY, name)}
+        return {name: dict(value) if isinstance(value, Mapping) else value for name, value in changed.items()}
 
     def to_text(self) -> str:
         """Return the session as the text of session.json."""
@@ -175,10 +176,6 @@ def _positive(value: Any, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
         raise OptionError(argument=name, expected="a positive number", got=value)
     return float(value)
-
-
-def _plain(value: Any) -> Any:
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 EMPTY = Session()

@@ -26,6 +26,7 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.validation import require_values
 from gmwm.theory.statespace import StateSpace
 
 
@@ -75,12 +76,7 @@ class Finite:
     @classmethod
     def of(cls, model: Model, rate: float) -> Finite:
         """Return the state-space form of a model with values."""
-        missing = [name for name, value in model.parameters.items() if value is None]
-        if missing:
-            raise ModelError(
-                f"the monitor of {model} needs a value for {', '.join(missing)}",
-                advice="Write the values into the model, or calibrate a recording.",
-            )
+        require_values(model, "the monitor", "Write the values into the model, or calibrate a recording.")
         spaces: list[StateSpace] = []
         slope = 0.0
         for process in model.processes:

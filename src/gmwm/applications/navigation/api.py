@@ -36,6 +36,7 @@ from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks, start_at_zero
 from gmwm.theory.processes.model import Model, as_model
+from gmwm.theory.processes.validation import require_values
 from gmwm.theory.statespace import StateSpace
 
 EARTH_RADIUS_M = 6.371e6  # mean radius of the Earth (m)
@@ -206,12 +207,7 @@ class BudgetAxis:
                 axis, _present(axis, terms, wv.rate), wv.rate, curve, wavelet_variance=wv, longest=float(wv.tau[-1]) / 2
             )
         model = as_model(source)
-        missing = [name for name, value in model.parameters.items() if value is None]
-        if missing:
-            raise ModelError(
-                f"the error budget of {model} needs a value for {', '.join(missing)}",
-                advice="Write the values into the model, or calibrate a recording.",
-            )
+        require_values(model, "the error budget", "Write the values into the model, or calibrate a recording.")
         if rate is None:
             raise OptionError(argument="rate", expected="the sampling rate (Hz), because a model has none", got=rate)
         rate = as_rate(rate)

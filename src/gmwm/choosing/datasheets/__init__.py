@@ -179,7 +179,9 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         remarks += [remark] if remark else []
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
-        entries = [_as_bias(entry) if entry.symbol == _FLICKER else entry for entry in entries]
+        # The coefficient of a flicker term is the bias instability B, as the standard defines it.
+        bias_of = f"{LAWS[SYMBOL].name} of "
+        entries = [replace(e, symbol=SYMBOL, title=bias_of + e.title) if e.symbol == _FLICKER else e for e in entries]
     else:
         bias, remark = _bias(judged)
     entries += [bias] if bias else []
@@ -258,11 +260,6 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
     except MissingTheoryError as error:
         axis = judged.fit.wavelet_variance.axis
         return None, Remark.of("no-number", axis, case="b", reason=error.reason)
-
-
-def _as_bias(entry: Entry) -> Entry:
-    """Return the entry of a flicker coefficient as the entry of the bias instability B, as the standard defines it."""
-    return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:

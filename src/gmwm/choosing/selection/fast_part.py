@@ -88,12 +88,12 @@ def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bum
             terms.append(peak)
             columns = np.column_stack([columns, root @ peak.share])
     powers = 1 + np.maximum(_coefficients(columns, absent), 0)
-    terms = [peak._replace(process=_scaled(peak.process, power)) for peak, power in zip(terms, powers, strict=True)]
+    terms = [peak._replace(process=_with_power(peak.process, power)) for peak, power in zip(terms, powers, strict=True)]
     free = {id(next((peak for peak in terms if isinstance(peak.process, kind)), None)) for kind in (SIN, OSC)}
     errors = np.sqrt(2 / wv.degrees_of_freedom)
     # From 20 standard errors on, an error of 5 % of the power from the spectrum is one standard error of the curve.
     free |= {id(peak) for peak in terms if np.linalg.norm(peak.share / errors) > 20.0}
-    processes = [_with_free_power(peak.process) if id(peak) in free else peak.process for peak in terms]
+    processes = [_with_power(peak.process, None) if id(peak) in free else peak.process for peak in terms]
     oscillators = [process for process in processes if isinstance(process, OSC)]
     return (*(process for process in processes if isinstance(process, SIN)), *oscillators[:MOST_OSCILLATORS])
 
@@ -130,12 +130,9 @@ def _coefficients(columns: Matrix, curve: Vector) -> Vector:
     return np.asarray(np.linalg.lstsq(columns, curve, rcond=None)[0])
 
 
-def _scaled(process: Process, factor: float) -> Process:
-    return process.with_values(**{process.scale_parameter().name: Fixed(factor * process.scale)})
-
-
-def _with_free_power(process: Process) -> Process:
-    return process.with_values(**{process.scale_parameter().name: None})
+def _with_power(process: Process, factor: float | None) -> Process:
+    power = None if factor is None else Fixed(factor * process.scale)
+    return process.with_values(**{process.scale_parameter().name: power})
 
 
 SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)

@@ -295,9 +295,7 @@ class _CountingStream(io.RawIOBase):
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             where = f"after {self._count} unpacked bytes" if self._count else "at its beginning"
             raise PackedError(
-                f"{self._name} is damaged or truncated {where} ({error})",
-                code="damaged",
-                advice="Copy the file again.",
+                f"{self._name} is damaged or truncated {where} ({error})", code="damaged", advice="Copy the file again."
             ) from error
         view[: len(data)] = data
         self._count += len(data)

@@ -149,8 +149,8 @@ class Stack:
         _, _, held = by_kind(self.model)
         if not held:
             return np.zeros(self.levels.size)
-        known = Model(tuple(self.model.processes[place] for place in held))
-        return self.each(lambda _, wv: known.wavelet_variance(wv.levels, wv.rate, wv.filter))
+        constant = Model(tuple(self.model.processes[place] for place in held))
+        return self.each(lambda _, wv: constant.wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     def parts(self, solution: Solution) -> list[list[Model]]:
         """Return, for each part of each curve, the model with the values of a solution."""

@@ -10,11 +10,11 @@ from itertools import islice
 import numpy as np
 
 from gmwm.base.arrays import Matrix
-from gmwm.base.errors import ModelError
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.api import variances_alone
 from gmwm.recording.options import as_whole_number
 from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.validation import require_values
 
 DRAWN_SAMPLES = 1 << 17
 """Number of samples of each process that are drawn at once. They take 1 MiB and fit into the cache, and the overhead of
@@ -89,12 +89,7 @@ def _keep_memory(batch: int) -> None:
 
 
 def _require_simulable(model: Model) -> None:
-    missing = [name for name, value in model.parameters.items() if value is None]
-    if missing:
-        raise ModelError(
-            f"a simulation of {model} needs a value for {', '.join(missing)}",
-            advice="Write the values into the model, or fit the model to data.",
-        )
+    require_values(model, "a simulation", "Write the values into the model, or fit the model to data.")
     for process in model.processes:
         if not process.has("simulate"):
             raise process.missing("simulate")

@@ -43,6 +43,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
+from gmwm.theory.processes.validation import require_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +107,8 @@ def loglikelihood(
 ) -> float:
     """Compute the exact Gaussian log-likelihood; see `Model.loglikelihood`. The slope of a drift is the model's."""
     terms = as_model(model)
-    missing = [name for name, value in terms.parameters.items() if value is None]
-    if missing:
-        raise ModelError(
-            f"the likelihood of {terms} needs a value for {', '.join(missing)}",
-            advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
-        )
+    advice = "Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}."
+    require_values(terms, "the likelihood", advice)
     problem = LikelihoodProblem(_all_held(terms), as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, freeze
-from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
 from gmwm.base.text import Named
 from gmwm.fitting.estimation import Fit
@@ -25,6 +25,7 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.parameter import Fixed
+from gmwm.theory.processes.validation import require_values
 
 Kind = Literal["filter", "smooth", "predict"]
 Modelled = Fit | LikelihoodFit | Model | Process | str  # A fit, or a model with values
@@ -200,12 +201,7 @@ def pose_filter(
         mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
         model = model.model
     terms = as_model(model)
-    missing = [name for name, value in terms.parameters.items() if value is None]
-    if missing:
-        raise ModelError(
-            f"the Kalman filter of {terms} needs a value for {', '.join(missing)}",
-            advice="Write the values into the model, or fit it to data.",
-        )
+    require_values(terms, "the Kalman filter", "Write the values into the model, or fit it to data.")
     record = as_record(data, rate)
     if steps:
         record = Record(

@@ -19,7 +19,6 @@ from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
-from gmwm.measuring.outliers import Verdict
 from gmwm.showing.plots.labels import axis_title
 
 Facts = list[tuple[str, str]]  # pairs of name and value, in the order of the page
@@ -155,7 +154,8 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         if axis.test is not None and name not in misfits:
             yield Remark.of("check-passed", name, case="model")
     # If an axis could not be tested, another remark says so.
-    clean = calibration.verdicts and all(_is_clean(verdict) for verdict in calibration.verdicts.values())
+    verdicts = calibration.verdicts.values()
+    clean = verdicts and all(np.any(verdict.tested) and not verdict.contaminated for verdict in verdicts)
     if clean and not codes & _OUTLIERS:
         yield Remark.of("check-passed", case="no-outliers")
     recordings = [calibration.recording, *calibration.recordings.values()]
@@ -163,10 +163,6 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
         yield Remark.of("check-passed", case="rest")
     if (certificate := certificate_of(calibration.values())) is not None:
         yield certificate
-
-
-def _is_clean(verdict: Verdict) -> bool:
-    return bool(np.any(verdict.tested)) and not verdict.contaminated
 
 
 def _usable_entries(calibration: Calibration, axes: Iterable[str]) -> dict[str, dict[str, Entry]]:

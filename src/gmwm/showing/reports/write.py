@@ -114,7 +114,8 @@ def page(data: dict[str, Any]) -> str:
     text from a recording cannot run a script, even if the template fails to escape it.
     """
     scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
-    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
     policy = (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
         "form-action 'none'"
@@ -171,10 +172,6 @@ def _code_as_html(text: str) -> Any:
 def part(name: str) -> str:
     """Return the text of a file of this package, such as a template or a script."""
     return files("gmwm.showing.reports").joinpath(name).read_text(encoding="utf-8")
-
-
-def _digest(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 MOST, SENTENCES = 3, 2

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Callable, Iterable
-from dataclasses import fields
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -23,21 +22,9 @@ from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
-from gmwm.theory.processes import circulant_embedding, filtered
+from gmwm.theory.processes import circulant_embedding, filtered, validation
 from gmwm.theory.processes.haar_covariance import HaarTheory
 from gmwm.theory.processes.parameter import Branch, Fixed, Occasion, Parameter, Physical, Value
-from gmwm.theory.processes.validation import (
-    as_clusters,
-    as_frequencies,
-    as_lags,
-    as_paths,
-    as_rng,
-    check_calls,
-    check_members,
-    check_name,
-    function_of,
-    shape_of_paths,
-)
 from gmwm.theory.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
@@ -125,10 +112,10 @@ class Process(HaarTheory, ABC):
         super().__init_subclass__(**kwargs)
         if abstract:
             return
-        check_members(cls, _SOURCES["wavelet_variance"])
-        check_calls(cls, Process)
+        validation.check_members(cls, _SOURCES["wavelet_variance"])
+        validation.check_calls(cls, Process)
         if register:
-            check_name(cls, registry)
+            validation.check_name(cls, registry)
             registry[cls.name] = cls
 
     def __post_init__(self) -> None:
@@ -180,12 +167,7 @@ class Process(HaarTheory, ABC):
                 raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
-        return type(self)(**{name: getattr(self, name) for name in self._fields()} | values)
-
-    @classmethod
-    @cache
-    def _fields(cls) -> tuple[str, ...]:
-        return tuple(field.name for field in fields(cls))  # type: ignore[arg-type]
+        return type(self)(**{name: getattr(self, name) for name in validation.fields_of(type(self))} | values)
 
     @classmethod
     def no_parameter(cls, name: str) -> ModelError:
@@ -372,7 +354,7 @@ class Process(HaarTheory, ABC):
         It is defined up to a linear function of |m|. For a stationary process K(m) = −½ Var(sum of |m| samples). The
         Haar wavelet variance is ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ², with τ = 2^j and h = τ/2 samples.
         """
-        m, rate = np.abs(as_lags(lags)), as_rate(rate)
+        m, rate = np.abs(validation.as_lags(lags)), as_rate(rate)
         self._require("running_sum_covariance")
         if self._derives("state_space"):
             return -0.5 * self.state_space(rate).block_variance(m.ravel()).reshape(m.shape)
@@ -393,7 +375,7 @@ class Process(HaarTheory, ABC):
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the autocovariance r(k) in u² at integer `lags` k."""
         self._require("autocovariance")
-        return self.state_space(as_rate(rate)).autocovariance(as_lags(lags))
+        return self.state_space(as_rate(rate)).autocovariance(validation.as_lags(lags))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the generalised covariance A(m) in u² at integer `lags` m.
@@ -404,7 +386,7 @@ class Process(HaarTheory, ABC):
         self._require("generalised_covariance")
         if self.has("autocovariance"):
             return self.autocovariance(lags, rate)
-        m = as_lags(lags)
+        m = validation.as_lags(lags)
         before, here, after = (self.running_sum_covariance(m + shift, rate) for shift in (-1, 0, 1))
         return np.asarray((here - before) - (after - here))
 
@@ -414,7 +396,7 @@ class Process(HaarTheory, ABC):
         σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², where K is the `running_sum_covariance`. For n = 2^(j−1) it is twice the
         Haar wavelet variance ν_j².
         """
-        n = as_clusters(clusters)
+        n = validation.as_clusters(clusters)
         self._require("allan_variance")
         k0, k1, k2 = (self.running_sum_covariance(factor * n, rate) for factor in (0, 1, 2))
         return np.asarray((3.0 * k0 - 4.0 * k1 + k2) / np.square(n, dtype=np.float64))
@@ -426,7 +408,7 @@ class Process(HaarTheory, ABC):
         """
         self._require("psd")
         rate = as_rate(rate)
-        return self.state_space(rate).psd(as_frequencies(frequencies, rate), rate)
+        return self.state_space(rate).psd(validation.as_frequencies(frequencies, rate), rate)
 
     def state_space(self, rate: float) -> StateSpace:
         """Return the state space in discrete time, with the matrices F, Q, H, R, m0 and P0."""
@@ -465,7 +447,7 @@ class Process(HaarTheory, ABC):
         The default uses the state space if it is exact, and otherwise the autocovariance and circulant embedding.
         """
         self._require("simulate")
-        (n, count), rate, generator = as_paths(n, paths), as_rate(rate), as_rng(rng)
+        (n, count), rate, generator = validation.as_paths(n, paths), as_rate(rate), validation.as_rng(rng)
         if self._derives("state_space"):
             out = self.state_space(rate).simulate(n, generator, count)
         else:
@@ -473,7 +455,7 @@ class Process(HaarTheory, ABC):
                 lambda lags: self.autocovariance(lags.astype(np.int64), rate), n
             )
             out = circulant_embedding.paths(roots, n, generator, count)
-        return out.reshape(shape_of_paths(n, paths))
+        return out.reshape(validation.shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
         """Return the correlation time (s); 0 for white noise, inf for nonstationary processes, None if unknown."""
@@ -506,7 +488,9 @@ class Process(HaarTheory, ABC):
     @classmethod
     def _gives(cls, theory: str) -> bool:
         attribute = "shape" if theory == "wavelet_variance" else theory
-        return function_of(getattr(cls, attribute)) is not function_of(getattr(Process, attribute))
+        return validation.function_of(getattr(cls, attribute)) is not validation.function_of(
+            getattr(Process, attribute)
+        )
 
     def _require(self, theory: str) -> None:
         if not self.has(theory):
@@ -515,7 +499,7 @@ class Process(HaarTheory, ABC):
     def missing(self, theory: str) -> MissingTheoryError:
         """Return the error for theory that the process does not define; the advice lists the theory that it defines."""
         defined = [name for name in _SOURCES if self.has(name)]
-        defined += ["mean"] if function_of(type(self).mean) is not Process.mean else []
+        defined += ["mean"] if validation.function_of(type(self).mean) is not Process.mean else []
         what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
         what = "cannot be simulated" if theory == "simulate" else f"has no {what}"
         return MissingTheoryError(

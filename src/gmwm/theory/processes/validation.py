@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
 from inspect import isfunction, ismethod, signature
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -17,6 +19,13 @@ from gmwm.base.text import defined_anew, is_own
 
 if TYPE_CHECKING:
     from gmwm.theory.processes.base import Process
+    from gmwm.theory.processes.model import Model
+
+
+@cache
+def fields_of(kind: type[Process]) -> tuple[str, ...]:
+    """Return the names of the fields of a class, which `dataclasses.replace` looks up in each call."""
+    return tuple(field.name for field in fields(kind))  # type: ignore[arg-type]
 
 
 def as_lags(lags: ArrayLike) -> Integers:
@@ -196,3 +205,10 @@ def check_calls(cls: type[Process], base: type[Process]) -> None:
                 f"it is {name}{signature(function_of(method))}",
                 argument=name,
             ) from error
+
+
+def require_values(model: Model, what: str, advice: str) -> None:
+    """Raise a ModelError if a parameter of a model has no value. `what` needs the values, such as "a simulation"."""
+    missing = [name for name, value in model.parameters.items() if value is None]
+    if missing:
+        raise ModelError(f"{what} of {model} needs a value for {', '.join(missing)}", advice=advice)
