@@ -189,8 +189,9 @@ def true_until(fit: Fit, white: float, walk: float) -> float | None:
         times = [
             t for t in (1, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
         ]
-        true = [TRUE_CLAIM[0] <= claim(fit, white, walk, time) <= TRUE_CLAIM[1] for time in times]
-        stored[white, walk] = None if all(true) else float(times[max(true.index(False) - 1, 0)])
+        claims = (claim(fit, white, walk, time) for time in times)
+        false = next((k for k, share in enumerate(claims) if not TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), None)
+        stored[white, walk] = None if false is None else float(times[max(false - 1, 0)])
     return stored[white, walk]
 
 
@@ -357,10 +358,10 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
-        if not use.contains(process, curve.rate):
+        if not use.contains(process, curve.design.rate):
             return np.zeros(2)
         near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
+        return np.array(FilterPrediction.of([process], curve.design.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

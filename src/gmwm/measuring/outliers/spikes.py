@@ -302,10 +302,10 @@ def _smallest_certain(count: int, samples: int, freedom: float) -> float:
 def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
     were found, in standard deviations `limit`. Their density above the smallest one continues below it: constant, as
-    for sizes with a wide distribution, or falling linearly to zero if it clearly falls towards it. Then the sizes are
-    alike, and the noise hides the samples that are not found. If all are far beyond `certain`, the density just beyond
-    it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy distribution, so do
-    smaller ones."""
+    for sizes with a wide distribution, or falling linearly to zero if it falls towards it by three standard errors.
+    Then the sizes are alike, and the noise hides the samples that are not found. If all are far beyond `certain`, the
+    density just beyond it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy
+    distribution, so do smaller ones."""
     if deviation.size < _FEW:
         return 0.0
     least = min(float(np.min(deviation)), APART * certain)
@@ -314,7 +314,7 @@ def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
     exponent = 1 / float(np.mean(np.log(np.maximum(deviation / least, 1.0 + 1e-9))))
     flatness = 2 - exponent if exponent < _POWER_LAW else 3.0
     squares = (near + far) / (2 * width) * least**3 / flatness
-    rise = (far - near - math.sqrt(far + near)) / width**2
+    rise = (far - near - 3 * math.sqrt(far + near)) / width**2
     if rise > 0:
         edge = max(near / width - rise * width / 2, 0.0)
         below = min(edge / rise, least)

@@ -83,10 +83,10 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
     """Return sentences on the sinusoids: the strongest of each sensor, their number, and their effect on N and K."""
     parts, count = [], 0
     for sensor in sensors:
-        lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
+        lines = [(*line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
         if lines:
-            line, axis = max(lines, key=lambda pair: pair[0].amplitude)
-            parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
+            amplitude, frequency, _, axis = max(lines, key=lambda line: line[0])
+            parts.append(f"{axis} {frequency:.3g} Hz ({amplitude:.2g} {SI_UNIT[sensor.quantity]})")
             count += len(lines)
     more = f" and {count - len(parts)} more" if count > len(parts) else ""
     if not parts:
@@ -116,9 +116,11 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         if process.line(wv.rate) is None and process.oscillation() is not None:
             yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
-    for line in lines_of(fit):
-        frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
-        yield Remark.of("lines", axis, case="file", term=line.term, frequency=frequency, amplitude=amplitude)
+    for amplitude, frequency, term in lines_of(fit):
+        yield Remark.of(
+            "lines", axis, case="file", term=term, frequency=Quantity(frequency, "Hz"),
+            amplitude=Quantity(amplitude, unit),
+        )  # fmt: skip
 
 
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
