@@ -69,7 +69,8 @@ class FitCurve:
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]
-        return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design, root, weighted)
+        scatter = gain @ sandwich.wavelet @ gain.T
+        return cls(tuple(moving), scatter, design=design, root=root, weighted=weighted)
 
     def without_lines(self) -> FitCurve:
         """Return the parameters and covariance without those of oscillations."""

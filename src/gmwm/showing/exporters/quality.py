@@ -11,7 +11,7 @@ from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.template import fact_text
 from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT, noise_unit
-from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_until
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_times
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
@@ -214,9 +214,13 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
         text = f"{NAMES[sensor.quantity].capitalize()}, {times} s: "
         if not any(map(math.isnan, losses)):
             text += f"error / full model's error {_listed(losses)}; "
-        until = min((t for axis in axes if (t := true_until(axis.fit, axis.N.value, axis.K.value))), default=math.inf)
+        begins, ends = zip(*(true_times(axis.fit, axis.N.value, axis.K.value) for axis in axes), strict=True)
+        since, until = max(begins), min(ends)
         lines.append(f"{text}stated / real error {_listed(claims)}.")
-        if until < TIMES[-1]:
+        if since > TIMES[0]:
+            end = f" up to {until:g} s" if since < until < math.inf else ""
+            lines.append(f"{NAMES[sensor.quantity].capitalize()}: N and K hold from {since:g} s{end}.")
+        elif until < TIMES[-1]:
             lines.append(
                 f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {until:g} s; beyond, set the "
                 f"horizon{_bias_instead(axes)}."
