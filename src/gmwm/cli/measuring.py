@@ -187,7 +187,6 @@ def measure_together(
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings."""
     from gmwm.measuring.inspection.api import inspect_with
-    from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("inspecting"):

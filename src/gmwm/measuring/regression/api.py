@@ -114,7 +114,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     inverse = np.linalg.pinv(covariance, hermitian=True)
     freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), fewest)
     statistic = float(beta @ inverse @ beta) / beta.size
-    residuals = means - covariates.smooth_matrix(solved.tau) @ beta
+    residuals = means - covariates.matrix(solved.tau, smooth=True) @ beta
     raw, remaining = design.variances(means), design.variances(residuals)
     counts = clock.counts[present]
     inside = clock.length.bit_length() - 1
@@ -153,7 +153,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     lost = np.diff(places) - 1
     if covariates.own_offsets or not np.any(lost):
         return iteration
-    residuals = means - covariates.smooth_matrix(iteration.tau) @ iteration.weighted.estimate(means)
+    residuals = means - covariates.matrix(iteration.tau, smooth=True) @ iteration.weighted.estimate(means)
     after = np.flatnonzero(lost) + 1
     restarted = restarts(residuals[places], after, lost[after - 1], ())
     if not np.any(restarted):
@@ -198,7 +198,7 @@ def _rounds(
         beta = weighted.estimate(means)
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
         shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, 0.1, 1.0)
-        variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
+        variances = design.variances(means - covariates.matrix(tau, smooth=True) @ beta)
     return _Iteration(weighted, noise, shares, tau)
 
 
@@ -253,7 +253,7 @@ def restate(
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
-    residuals = means - covariates.having(regression.terms).smooth_matrix(regression.tau) @ estimates
+    residuals = means - covariates.having(regression.terms).matrix(regression.tau, smooth=True) @ estimates
     statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
     return replace(
         regression, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,

@@ -62,11 +62,6 @@ class BlockClock:
         return -(-self.end // self.length)
 
     @property
-    def width(self) -> float:
-        """Length of a block (s); 0 if it is one sample."""
-        return self.length / self.rate if self.length > 1 else 0.0
-
-    @property
     def times(self) -> Vector:
         """Times of the centres of the blocks (s), measured from the first sample."""
         return np.asarray(((np.arange(self.blocks) + 0.5) * self.length - 0.5) / self.rate, dtype=np.float64)

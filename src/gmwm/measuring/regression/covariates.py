@@ -135,18 +135,16 @@ class Covariates:
         }
         return replace(self, basis=Basis(terms, self.basis.references, knots))
 
-    def matrix(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
-        return self.basis.matrix(self.means, self.clock.times, tau, self.clock.width)
-
-    def smooth_matrix(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
-        return self.basis.matrix(self.smooth, self.clock.times, tau, self.clock.width)
+    def matrix(self, tau: float | None = None, *, smooth: bool = False) -> Matrix:
+        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s). The
+        subtracted effect is computed from smoothed covariates (`smooth`)."""
+        width = self.clock.length / self.clock.rate if self.clock.length > 1 else 0.0
+        return self.basis.matrix(self.smooth if smooth else self.means, self.clock.times, tau, width)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
         if not any(term.exact for term in self.basis.terms):
-            return self.clock.interpolate(self.smooth_matrix(tau) @ coefficients, first, last)
+            return self.clock.interpolate(self.matrix(tau, smooth=True) @ coefficients, first, last)
         clock = self.clock
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
@@ -273,19 +271,12 @@ class Basis:
         """The columns, in the order of the terms."""
         return tuple(column for term in self.terms for column in _columns(term))
 
-    def matrix(
-        self, values: Mapping[str, Vector], times: Vector, tau: float | None, width: float = 0.0
-    ) -> Matrix:  # fmt: skip
+    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None, width: float = 0.0) -> Matrix:
         """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s). A step is
         averaged over blocks of the width (s)."""
-        columns = []
-        for term in self.terms:
-            if term.kind == STEP:
-                after = times - term.seconds
-                columns.append((np.clip(after / width + 0.5, 0.0, 1.0) if width else after >= 0.0)[:, None])
-            else:
-                columns.append(self._of_term(term, values.get(term.name, times), times, tau))
-        return np.hstack(columns)
+        arrays = [values.get(term.name, times) for term in self.terms]
+        pairs = zip(self.terms, arrays, strict=True)
+        return np.hstack([self._of_term(term, array, times, tau, width=width) for term, array in pairs])
 
     def along(self, name: str, points: Vector) -> Matrix:
         """Return the columns (m, p) for values of one covariate, with zero for others and rates of change."""
@@ -293,13 +284,13 @@ class Basis:
         for term in self.terms:
             if term.name == name:
                 points_or_times = points * term.seconds if name == TIME else points
-                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
+                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None, width=0.0))
                 parts += [np.zeros((points.size, 1))] * term.lag
             else:
                 parts.append(np.zeros((points.size, len(_columns(term)))))
         return np.hstack(parts)
 
-    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
+    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None, width: float) -> Matrix:
         if term.name == OFFSETS:
             return np.empty((times.size, 0))
         if term.name == WARM_UP:
@@ -309,6 +300,9 @@ class Basis:
         if term.kind == SEASON:
             turn = 2 * np.pi / term.seconds * times
             return np.column_stack([np.cos(turn), np.sin(turn)])
+        if term.kind == STEP:
+            after = times[:, None] - term.seconds
+            return np.clip(after / width + 0.5, 0.0, 1.0) if width else (after >= 0).astype(np.float64)
         covariate = values / term.seconds if term.name == TIME else values
         offsets = covariate - self.references[term.name]
         columns = [offsets**power for power in range(1, term.degree + 1)]

@@ -165,11 +165,8 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     @property
     def lag(self) -> dict[str, float]:
         """Delay (s) of the axis behind each covariate that has a lag column."""
-        lags = {}
-        for term in self.terms:
-            if term.lag and self[term.name].value:
-                lags[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
-        return lags
+        names = [term.name for term in self.terms if term.lag and self[term.name].value]
+        return {name: -self[f"{name} lag"].value / self[name].value for name in names}
 
     def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
         """Compute the effect of a covariate at given values, relative to its reference value.
@@ -239,10 +236,8 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         ]
         at = self.references[TEMPERATURE]
         away = 0.0 if reference is None else reference - at
-        shifted = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([away, 1.0]))
-        result = np.zeros(len(coefficients))
-        result[: shifted.coef.size] = shifted.coef
-        return result
+        shifted = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([away, 1.0])).coef
+        return np.pad(shifted, (0, len(coefficients) - shifted.size))
 
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
         """Return the wavelet variance of the noise, computed from the wavelet variance `wv` of the residuals.
