@@ -202,13 +202,22 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoeff
 
 
 def burst_ranges(levels: Iterable[BurstCoefficients], *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. A burst is left
-    out if it overlaps a burst of a finer level, at which its position is known better. With `small`, bursts of
-    coefficients below `LARGE` that are large for this noise are found too."""
+    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. With `small`,
+    bursts of coefficients below `LARGE` that are large for this noise are found too."""
+    return _finest_ranges((level.number, _bursts(level, small)) for level in levels)
+
+
+def pulse_ranges(levels: Iterable[BurstCoefficients], values: Vector, fewest: int) -> Ranges:
+    """Return index ranges (k, 2) of the pulses in the samples of one panel, if a level has at least `fewest`."""
+    return _finest_ranges((level.number, _pulses(level, values, fewest)) for level in levels)
+
+
+def _finest_ranges(bursts_of_levels: Iterable[tuple[int, _LevelBursts]]) -> Ranges:
+    """Return index ranges of the samples in bursts. A burst is left out if it overlaps a burst of a finer level, at
+    which its position is known better."""
     ranges = np.empty((0, 2), dtype=np.int64)
-    for level in levels:
-        bursts = _bursts(level, small)
-        new = np.stack([bursts.first << level.number - 1, (bursts.last + 2) << level.number - 1], axis=1)
+    for number, bursts in bursts_of_levels:
+        new = np.stack([bursts.first << number - 1, (bursts.last + 2) << number - 1], axis=1)
         new = new[np.searchsorted(ranges[:, 0], new[:, 1]) == np.searchsorted(ranges[:, 1], new[:, 0], side="right")]
         ranges = np.concatenate([ranges, new])
         ranges = ranges[np.argsort(ranges[:, 0])]
@@ -257,6 +266,33 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
             chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
     energy = np.add.reduceat(w**2, begins)
     return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
+
+
+def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBursts:
+    """Return the pulses at one level of a panel: short changes of the mean, which make only few coefficients large. The
+    constants are pinned by tests/outliers/test_pulses.py."""
+    ratio = np.abs(level.w) / level.limit(level.at)
+    chosen = ratio > LARGE
+    at, w, ratio = level.at[chosen], level.w[chosen], ratio[chosen]
+    # Pulses of up to about 100 samples; longer ones are popcorn noise.
+    if at.size < 2 * fewest or not 3 <= level.number <= 5:
+        return _NO_BURSTS
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
+    ends = np.append(begins[1:], at.size) - 1
+    positive = np.add.reduceat((w > 0).astype(np.int64), begins)
+    # Gaussian noise has no coefficient of 6.5 standard deviations.
+    chosen = (np.maximum.reduceat(ratio, begins) > 6.5) & (positive > 0) & (positive <= ends - begins)
+    for k in np.flatnonzero(chosen).tolist():
+        first, last = int(at[begins[k]]), int(at[ends[k]])
+        part = values[first << level.number - 1 : (last + 2) << level.number - 1]
+        part = part - np.median(part)
+        # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
+        largest = part[np.argmax(np.abs(part))]
+        chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
+    # Tails that follow a power law have more coefficients between 5 and 6.5, and popcorn noise has lasting changes.
+    if np.count_nonzero(chosen) < max(fewest, 0.6 * begins.size):
+        return _NO_BURSTS
+    return _LevelBursts(at[begins[chosen]], at[ends[chosen]], np.add.reduceat(w**2, begins)[chosen])
 
 
 def _largest_by_chance(groups: int, size: int) -> float:

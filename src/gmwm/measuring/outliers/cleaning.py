@@ -13,7 +13,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.documents import Documented
 from gmwm.base.time_base import times_of
 from gmwm.measuring.covariance.tails import TailSums
-from gmwm.measuring.outliers.bursts import BurstFinder, Bursts, Ranges, burst_ranges, coefficients
+from gmwm.measuring.outliers.bursts import BurstFinder, Bursts, Ranges, burst_ranges, coefficients, pulse_ranges
 from gmwm.measuring.outliers.spikes import find_spikes, repaired
 from gmwm.measuring.variance.open_segments import panel_length
 from gmwm.recording.batches import feed
@@ -151,12 +151,26 @@ def _knocks(values: Vector, rate: float) -> Ranges:
 
 def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
+    ranges = _ranges_of(("large", "small", "pulses"), values, rate, step)
+    if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size:
+        return ranges
+    # At coarse levels, pulses every few seconds look like one burst.
+    return _ranges_of(("pulses", "large", "small"), values, rate, step)
+
+
+def _ranges_of(kinds: tuple[str, ...], values: Vector, rate: float, step: float) -> Ranges:
+    """Return the index ranges of disturbances, searched in this order."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
-    for small in [False, True]:
+    for kind in kinds:
         # Each search follows the replacement of the knocks found so far, because weak ends are found last.
-        for _ in range(6):
-            bursts = burst_ranges(levels, small=small)
-            wider = _union(np.concatenate([ranges, _widen(bursts, values.size)]))
+        for repetition in range(6):
+            if kind == "pulses":
+                # Four pulses are not a chance; then, fewer ones are left. Their ends are sharp.
+                pulses = pulse_ranges(levels, _mirror(values, ranges), 1 if repetition else 4)
+                wider = _widen(pulses, values.size, 0.0)
+            else:
+                wider = _widen(burst_ranges(levels, small=kind == "small"), values.size)
+            wider = _union(np.concatenate([ranges, wider]))
             if np.array_equal(wider, ranges):
                 break
             ranges, levels = wider, list(coefficients(_mirror(values, wider), rate, step))
@@ -190,9 +204,9 @@ def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
     return outside
 
 
-def _widen(ranges: Ranges, size: int) -> Ranges:
-    """Extend each range by the margins in which the knock is weak."""
-    margin = np.maximum(LEAST, np.ceil(MARGIN * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
+def _widen(ranges: Ranges, size: int, share: float = MARGIN) -> Ranges:
+    """Extend each range by the margins in which the knock is weak, a share of its length."""
+    margin = np.maximum(LEAST, np.ceil(share * (ranges[:, 1] - ranges[:, 0]))).astype(np.int64)
     first, last = ranges[:, 0] - margin, ranges[:, 1] + margin
     return np.stack([np.maximum(first, 0), np.minimum(last, size)], axis=1)
 

@@ -197,9 +197,32 @@ def _levels(x: Vector, split: float, length: int) -> TwoLevels | None:
         or count < _LASTS * runs
         or np.count_nonzero(middle) > _BETWEEN * count
         or sum(bool(np.any(part)) for part in np.array_split(lasting, _PARTS)) <= _PARTS / 2
+        or _are_pulses(x, rare)
     ):
         return None
     return TwoLevels(high - low, count / x.size, length * count / runs)
+
+
+def _are_pulses(x: Vector, rare: Mask) -> bool:
+    """Return whether the rarer means are pulses, not a level: they have both signs, their sizes differ, or their
+    distances are too regular. The distances of random pulses have an exponential distribution, whose coefficient of
+    variation is 1 (tests/outliers/test_pulses.py)."""
+    if np.mean(rare) > 0.1:
+        return False
+    common = float(np.median(x[~rare]))
+    size = float(np.median(x[rare])) - common
+    if np.count_nonzero((x - common) / size < -0.5) > 0.2 * np.count_nonzero(rare):
+        return True
+    inside = np.append(rare[1:], False) & np.append(False, rare[:-1]) & rare
+    if np.count_nonzero(inside) >= _PARTS and _spread(x[inside]) > 3 * _spread(x[~rare]):
+        return True
+    gaps = np.diff(np.flatnonzero(np.diff(rare.astype(np.int8)) == 1))
+    # The coefficient of variation of n distances has a standard error of 1/√n.
+    return bool(gaps.size and np.std(gaps) < min(0.6, 1 - 2.5 / math.sqrt(gaps.size)) * np.mean(gaps))
+
+
+def _spread(x: Vector) -> float:
+    return float(np.median(np.abs(x - np.median(x))))
 
 
 def axes_with_two_levels(remarks: Iterable[Remark]) -> frozenset[str]:

@@ -1,0 +1,66 @@
+"""Pulses and short states in noise are replaced; popcorn noise and heavy tails are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gmwm import Signal
+from gmwm.measuring.outliers.cleaning import cleaned
+from gmwm.recording.repairs.patterns import two_levels_of
+
+RATE, SAMPLES = 100.0, 120_000
+Floats = NDArray[np.float64]
+
+
+def pulses(
+    rng: np.random.Generator, shortest: int, longest: int, size: tuple[float, float], period: int, signs: list[int]
+) -> Floats:
+    x = rng.normal(size=SAMPLES)
+    for start in range(period // 2, SAMPLES - period // 2, period):
+        first = start + int(rng.integers(-period // 5, period // 5))
+        x[first : first + int(rng.integers(shortest, longest + 1))] += rng.uniform(*size) * rng.choice(signs)
+    return x
+
+
+def popcorn(rng: np.random.Generator, size: float, duration: float, share: float) -> Floats:
+    x, first = rng.normal(size=SAMPLES), 0
+    while first < SAMPLES:
+        first += int(rng.exponential(duration / share)) + 1
+        last = first + int(rng.exponential(duration)) + 1
+        x[first:last] += size
+        first = last
+    return x
+
+
+@pytest.mark.parametrize(
+    ("shortest", "longest", "size", "period"),
+    [
+        (5, 5, (30.0, 30.0), 6000), (4, 4, (60.0, 60.0), 6000), (7, 7, (30.0, 30.0), 3000), (20, 50, (5.0, 5.0), 6000),
+        (20, 50, (5.0, 10.0), 6000), (20, 50, (8.0, 8.0), 1000),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("signs", [[1], [-1, 1]])
+def test_pulses_are_replaced(
+    shortest: int, longest: int, size: tuple[float, float], period: int, signs: list[int]
+) -> None:
+    x = pulses(np.random.default_rng(1), shortest, longest, size, period, signs)
+    result = cleaned(Signal(x, rate=RATE))
+    assert two_levels_of(x) is None
+    assert len(result.knocks) == pytest.approx(SAMPLES / period, rel=0.1)
+    assert np.std(result.signal.values) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("size", "duration"), [(1.5, 300), (6.0, 30), (6.0, 300), (3.0, 100)])
+def test_popcorn_noise_stays(seed: int, size: float, duration: float) -> None:
+    x = popcorn(np.random.default_rng(seed), size, duration, 0.05)
+    assert two_levels_of(x) is not None or not cleaned(Signal(x, rate=RATE)).knocks.size
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("width", [1, 5])
+def test_heavy_tails_stay(seed: int, width: int) -> None:
+    x = np.convolve(np.random.default_rng(seed).standard_t(3, size=SAMPLES), np.ones(width) / width, "same")
+    assert not cleaned(Signal(x, rate=RATE)).knocks.size
