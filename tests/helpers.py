@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,7 @@ import pytest
 from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
 
-if sys.version_info >= (3, 11):
-    import tomllib as tomllib
-else:
-    pass
+tomllib = import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
 
 
 def device(name: str) -> Path:

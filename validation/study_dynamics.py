@@ -21,7 +21,7 @@ SEED = 20261128
 SAMPLES = 1 << 15
 RAMP = 8192
 """Samples of one ramp of the turntable, from 0 to 200 deg/s."""
-RUNS = {"WN on ramps": 60, "no dependence": 100, "AR1, irregular": 30, "AR1, quick": 12, "GM, irregular": 12}
+RUNS = {"WN on ramps": 300, "no dependence": 300, "AR1, irregular": 80, "AR1, quick": 50, "GM, irregular": 150}
 
 Array = NDArray[np.float64]
 

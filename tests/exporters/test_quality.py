@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
-from gmwm.choosing.datasheets.effective import Use, claim, true_until
+from gmwm.choosing.datasheets.effective import Use, claim, true_times
 from gmwm.choosing.datasheets.filter_numbers import FilterPrediction, best_gain, smallest_error
 from gmwm.showing.exporters import quality
 from gmwm.showing.exporters.quality import TIMES, Quality, predictions, qualities
@@ -18,9 +18,9 @@ from gmwm.theory.processes import Model
 from .conftest import RATE, words
 
 
-def axis_of(calibration, axis):
+def axis_of(calibration, axis, horizon=1.0):
     quantity = axis.partition("_")[0]
-    return axis_noise(axis, calibration.axes[axis], quantity=quantity, use=Use(), level=0.95)
+    return axis_noise(axis, calibration.axes[axis], quantity=quantity, use=Use(horizon), level=0.95)
 
 
 @pytest.mark.parametrize("samples", [1, 20, 3000])
@@ -84,18 +84,26 @@ def test_the_file_states_them_and_names_the_remedy(units):
 
 
 @pytest.mark.parametrize(
-    ("until", "sentence"),
+    ("times", "sentence"),
     [
-        (10.0, "Gyroscopes: N and K hold up to 10 s; beyond, set the horizon"),
-        (200.0, "N and K hold up to 200 s (gyroscopes), 200 s (accelerometers): until then, stated / real error is"),
-        (None, ""),
+        ((1.0, 10.0), "Gyroscopes: N and K hold up to 10 s; beyond, set the horizon"),
+        ((1.0, 200.0), "N and K hold up to 200 s (gyroscopes), 200 s (accelerometers): until then, stated / real"),
+        ((10.0, 300.0), "Gyroscopes: N and K hold from 10 s up to 300 s."),
+        ((10.0, math.inf), "Gyroscopes: N and K hold from 10 s."),
+        ((1.0, math.inf), ""),
     ],
 )
-def test_the_file_says_up_to_which_time_the_numbers_hold(units, monkeypatch, until, sentence):
-    monkeypatch.setattr("gmwm.showing.exporters.quality.true_until", lambda *_: until)
+def test_the_file_says_at_which_times_the_numbers_hold(units, monkeypatch, times, sentence):
+    monkeypatch.setattr("gmwm.showing.exporters.quality.true_times", lambda *_: times)
     text = words(units["quantized"].export())
-    assert ("N and K hold up to" in text) == bool(sentence)
+    assert ("N and K hold" in text) == bool(sentence)
     assert sentence in text
+
+
+def test_numbers_of_a_long_horizon_hold_at_long_times(units):
+    axis = axis_of(units["gauss-markov"], "gyro_z", horizon=10.0)
+    since, until = true_times(axis.fit, axis.N.value, axis.K.value)
+    assert 1 < since <= 10 <= until
 
 
 def test_n_and_k_hold_while_the_stated_error_is_0_8_to_1_3_times_the_real_one(units):
@@ -116,7 +124,7 @@ def test_n_and_k_hold_while_the_stated_error_is_0_8_to_1_3_times_the_real_one(un
         ahead = (1 - gain) * before + q * sum((n - k) ** 2 for k in range(n)) / n**2
         return math.sqrt((ahead + r / n) / real)
 
-    until = true_until(axis.fit, axis.N.value, axis.K.value)
+    until = true_times(axis.fit, axis.N.value, axis.K.value)[1]
     assert ratio(until) == pytest.approx(claim(axis.fit, axis.N.value, axis.K.value, until), rel=0.02)
     assert 0.8 <= ratio(until) <= 1.3 < ratio(2.5 * until)
 

@@ -29,7 +29,7 @@ def test_means_and_counts_are_those_of_a_loop(length):
     block = places() // length
     counts = np.bincount(block, minlength=own.blocks)
     assert own.blocks == block[-1] + 1
-    assert own.counts().tolist() == counts.tolist()
+    assert own.counts.tolist() == counts.tolist()
     sums = np.bincount(block, weights=values, minlength=own.blocks)
     assert np.allclose(own.means(values), sums / np.maximum(counts, 1))
     assert own.present().tolist() == (2 * counts >= length).tolist()

@@ -118,6 +118,7 @@ def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence
 _UNITS = {
     "ms": 1e-3, "s": 1.0, "sec": 1.0, "second": 1.0, "m": 60.0, "min": 60.0, "minute": 60.0,
     "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
+    "y": 31557600.0, "yr": 31557600.0, "year": 31557600.0,  # Julian year of 365.25 days
 }  # fmt: skip
 _SECONDS = _UNITS | {f"{unit}s": seconds for unit, seconds in _UNITS.items() if len(unit) > 2 or unit == "hr"}
 _NUMBER = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"

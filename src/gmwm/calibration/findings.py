@@ -16,7 +16,7 @@ from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
-from gmwm.choosing.datasheets.effective import Use, true_until
+from gmwm.choosing.datasheets.effective import Use, true_times
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
@@ -179,8 +179,8 @@ def _of_axis(
         yield Remark.of("walk-or-markov", axis, case="equivalent", time=Quantity(time, "s"))
     white, walk = (axis_calibration.datasheet.get(symbol) for symbol in OF_FILTER)
     if white is not None and walk is not None and not (white.upper_only or walk.upper_only):
-        time = true_until(axis_calibration.fit, white.value, walk.value)
-        if time is not None:
+        time = true_times(axis_calibration.fit, white.value, walk.value)[1]
+        if time < math.inf:
             yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:
         yield _poorly_known(axis, axis_calibration)
@@ -341,12 +341,27 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
         return
     if lines := tuple(line for line in spectrum.lines if not _is_oscillation(line, found.fit)):
         yield _lines(axis, found, lines)
-    if spectrum.bumps:
+    peaks = [(bump.frequency, bump.width, bump.height) for bump in spectrum.bumps]
+    peaks += (peak for peak in _oscillators(found.fit) if all(abs(peak[0] - f) > width for f, width, _ in peaks))
+    if peaks:
+        frequencies, widths, heights = zip(*peaks, strict=True)
         yield Remark.of(
-            "resonance-found", axis, frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
-            widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
-            heights=tuple(bump.height for bump in spectrum.bumps),
+            "resonance-found", axis, frequencies=tuple(Quantity(frequency, "Hz") for frequency in frequencies),
+            widths=tuple(Quantity(width, "Hz") for width in widths), heights=heights,
         )  # fmt: skip
+
+
+def _oscillators(fit: Fit) -> Iterator[tuple[float, float, float]]:
+    """Yield frequency, width and height above the other noise of each damped oscillator of a model that is as high."""
+    rate = fit.wavelet_variance.rate
+    for process in fit.model.processes:
+        peak = process.oscillation()
+        if peak is None or process.line(rate) is not None or not 0 < peak < rate / 2 or process.scale == 0:
+            continue
+        density = float(process.psd([peak], rate)[0])
+        others = sum(float(other.psd([peak], rate)[0]) for other in fit.model.processes if other.line(rate) is None)
+        if "quality" in process.values and density > 0.5 * others:
+            yield peak, peak / process.value("quality"), others / (others - density) if others > density else math.inf
 
 
 def oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:

@@ -164,9 +164,12 @@ def summary(
     notes = [] if every or details else [remark for remark in remarks_shown if remark.severity is Severity.INFO]
     remarks_shown = [remark for remark in remarks_shown if remark not in notes]
     remarks = texts(remarks_shown, dialect, codes=True) if every else brief(remarks_shown, dialect, rest=REST[dialect])
-    if remarks and notes:
-        remarks.append(f"{counted(len(merged(notes)), 'further note')}: {REST[dialect]}")
-    if remarks:
+    if notes:
+        kind = "further note" if remarks else "note"
+        remarks.append(f"{counted(len(merged(notes)), kind)}: {REST[dialect]}")
+    if len(remarks) == 1 and notes:
+        parts.append(remarks)
+    elif remarks:
         head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
         parts.append([head, *(line for text in remarks for line in bullet(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)

@@ -39,6 +39,7 @@ from gmwm.cli.options import (
     Seed,
     Units,
     View,
+    joined_against,
     named_as_options,
     parse_models,
     parse_searched,
@@ -141,7 +142,7 @@ def calibrate(
             metavar="[AXIS=]MODEL",
         ),
     ] = None,
-    against: AgainstOption = AUTO,
+    against: AgainstOption = None,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -212,9 +213,10 @@ def calibrate(
     --view, --datasheet and --si apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes this file.
     """
+    terms = joined_against(against, AUTO)
     options = calibration_options(
         within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
-        confidence=confidence, seed=seed, against=against, gravity=gravity, tilt=tilt, repeated=repeated,
+        confidence=confidence, seed=seed, against=terms, gravity=gravity, tilt=tilt, repeated=repeated,
         warmup=warmup,
     )  # fmt: skip
     spread = scheduler is not None or workers is not None
@@ -224,7 +226,7 @@ def calibrate(
     processes = calibration_helpers(plots=output is not None)
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
-        load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(against))
+        load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(terms))
         groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
             make_directory(output)

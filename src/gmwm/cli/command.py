@@ -9,9 +9,9 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, get_annotations, signature
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.extras import library
@@ -91,8 +91,8 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     """Turn a function that returns an Outcome into a shell command that prints it, as text or as JSON, writes its
     files, and prints warnings on stderr. A parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`.
     The command also gets --all-remarks and, unless the function has a parameter `json`, --json."""
-    hints = get_type_hints(function, include_extras=True)
-    texts = get_type_hints(ReadOptionTexts, include_extras=True)
+    # In Python 3.10, get_type_hints puts the types of parameters whose default is None into Optional.
+    hints, texts = get_annotations(function, eval_str=True), get_annotations(ReadOptionTexts, eval_str=True)
     parameters: list[Parameter] = []
     for declared in signature(function).parameters.values():
         if hints[declared.name] is ReadOptions:

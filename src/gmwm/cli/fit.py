@@ -33,6 +33,7 @@ from gmwm.cli.options import (
     View,
     checked_confidence,
     chosen_efficiency,
+    joined_against,
     picture_units,
 )
 from gmwm.cli.output import (
@@ -66,6 +67,7 @@ EXAMPLES = (
     'gmwm fit monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
     'gmwm fit turn.csv --model WN --conditions rates.csv --varies "WN: 1 + rate**2"',
     'gmwm fit a.csv --model "GM + WN" --conditions t.csv --varies "GM.beta: t"',
+    'gmwm fit daily.csv -m "WN + FN" --against time+season:1y+step:2019-03-01',
     'gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model "WN + RW"',
 )
 _PROCESSES = ", ".join(
@@ -89,7 +91,7 @@ def fit(
         ),
     ],
     axis: Axes = None,
-    against: AgainstOption = NONE,
+    against: AgainstOption = None,
     conditions: Annotated[
         Path | None,
         EstimationOption(
@@ -186,7 +188,7 @@ def fit(
 
     parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
     require_unused(
-        conditions is not None, varies=bool(varies), against=against != NONE, likelihood=likelihood,
+        conditions is not None, varies=bool(varies), against=against is not None, likelihood=likelihood,
         start_draws=start_draws is not None, bootstrap_draws=bootstrap_draws is not None, filter=filter != "haar",
         transform=transform != "modwt", chunked=chunked == "yes",
     )  # fmt: skip
@@ -198,12 +200,13 @@ def fit(
     if likelihood:
         only_file(files, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)
-    memory = memory_for(against, needs_memory(filter, transform))
+    terms = joined_against(against, NONE)
+    memory = memory_for(terms, needs_memory(filter, transform))
     recordings = open_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
     if output is not None:
         make_directory(output)
     signals = measure_together(
-        recordings, axis, robust=robust, efficiency=strength, against=against, filter=filter, transform=transform
+        recordings, axis, robust=robust, efficiency=strength, against=terms, filter=filter, transform=transform
     )
     fits = fit_axes(
         dict.fromkeys(signals, parsed), signals, start=None if start_draws is None else Sampled(start_draws, seed),

@@ -27,6 +27,7 @@ from gmwm.cli.options import (
     ResultOption,
     Searched,
     Seed,
+    joined_against,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, optional_plots, progress, text_file
 from gmwm.cli.read_options import Axes
@@ -74,7 +75,7 @@ def fleet(
     ] = None,
     axis: Axes = None,
     within: Searched = SEARCHED,
-    against: AgainstOption = AUTO,
+    against: AgainstOption = None,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -118,7 +119,7 @@ def fleet(
     _check(folder, scheduler=scheduler, workers=workers)
     options = calibration_options(
         within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
-        confidence=confidence, seed=seed, against=against,
+        confidence=confidence, seed=seed, against=joined_against(against, AUTO),
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip
     count = processors() if workers is None else workers

@@ -9,7 +9,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, memory_for, open_recording
-from gmwm.cli.options import AgainstOption, RepeatedOption, ResultOption
+from gmwm.cli.options import AgainstOption, RepeatedOption, ResultOption, joined_against
 from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
@@ -32,7 +32,7 @@ def info(
     file: File,
     reading: ReadOptions,
     chunked: Chunked = "auto",
-    against: AgainstOption = AUTO,
+    against: AgainstOption = None,
     repeated: RepeatedOption = "auto",
     noise_against: Annotated[
         Literal["temperature", "time"] | None,
@@ -60,10 +60,11 @@ def info(
     """
     from gmwm.measuring.inspection import inspect
 
-    memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(against)
+    terms = joined_against(against, AUTO)
+    memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(terms)
     recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
-        inspection = inspect(recording, against=against, repeated=repeated)
+        inspection = inspect(recording, against=terms, repeated=repeated)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
     document = {"file": str(file), **inspection.to_dict()}
     if noise_against is not None:

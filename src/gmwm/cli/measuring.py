@@ -116,7 +116,7 @@ def memory_for(against: str, other: str = "") -> str:
         reason = f"--against removes an effect from Haar coefficients only, and cannot be combined with {other}"
         instead = ", or use {--likelihood} instead of the lags" if other.startswith("--moments") else ""
         raise OptionError(reason, argument="against", got=against, advice=f"Leave one of them out{instead}.")
-    exact = any(term.exact for term in Asked.of(against).terms)
+    exact = any(term.exact and term.is_measured for term in Asked.of(against).terms)
     return f"--against {against}" if exact else other
 
 
@@ -187,7 +187,6 @@ def measure_together(
 def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings."""
     from gmwm.measuring.inspection.api import inspect_with
-    from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("inspecting"):

@@ -111,7 +111,13 @@ Robust = Annotated[
 ]
 
 
-checked_against = checker(Asked.of)
+def joined_against(parts: Sequence[str] | None, default: str) -> str:
+    """Return the values of all options --against as one text."""
+    text = " + ".join(parts) if parts else default
+    Asked.of(text)
+    return text
+
+
 Efficiency = Annotated[
     float | None,
     EstimationOption(
@@ -138,14 +144,15 @@ Searched = Annotated[
     ),
 ]
 AgainstOption = Annotated[
-    str,
+    list[str] | None,
     EstimationOption(
         "--against",
-        callback=checked_against,
         help="Remove the effect of covariates from each axis before its noise is estimated. auto: remove the effect of "
         "the temperature from axes that follow it (5 % level). none: remove nothing. Otherwise: temperature, time or "
-        "warmup, or several joined by +, with options such as temperature:2,lag (degree 2, and its rate of change), "
-        "temperature:knots=2 or time:3. The recording has one offset; +offsets gives every part between gaps its own.",
+        "warmup with options such as temperature:2,lag (degree 2, and its rate of change), temperature:knots=2 or "
+        "time:3; season:1y for a cycle with this period; step:2019-03-01 or step:2000d for a step at a date (UTC) or a "
+        "time after the first sample. For several, repeat the option, or join them by +. The "
+        "recording has one offset; +offsets gives every part between gaps its own.",
         metavar="COVARIATES",
     ),
 ]

@@ -21,6 +21,7 @@ from gmwm.cli.options import (
     Seed,
     Within,
     chosen_efficiency,
+    joined_against,
     parse_within,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, optional_plots, text_file
@@ -44,7 +45,7 @@ def select(
     files: Files,
     reading: ReadOptions,
     axis: Axes = None,
-    against: AgainstOption = NONE,
+    against: AgainstOption = None,
     within: Within = SLOW,
     robust: Robust = False,
     efficiency: Efficiency = None,
@@ -76,12 +77,13 @@ def select(
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
-    recordings = open_together(files, reading, chunked, whole=memory_for(against))
+    terms = joined_against(against, NONE)
+    recordings = open_together(files, reading, chunked, whole=memory_for(terms))
     names = axes_together(recordings, axis)
     require_one_axis(names, plot, "Select one with {--axis}, or plot all with {--output}.")
     if output is not None:
         make_directory(output)
-    measured = measure_together(recordings, axis, robust=robust, efficiency=strength, against=against)
+    measured = measure_together(recordings, axis, robust=robust, efficiency=strength, against=terms)
     rankings = _rank(largest, measured, options=options, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {**document_of(files), "within": within, "axes": axes}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
@@ -42,7 +42,9 @@ class FitCurve:
 
     moving: tuple[tuple[Process, str | None], ...]
     scatter: Matrix
-    rate: float
+    design: Design
+    root: Matrix  # (L, L), of the weighting matrix
+    weighted: Matrix  # (L, p), derivatives of the wavelet variance, weighted with `root`
 
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
@@ -67,32 +69,55 @@ class FitCurve:
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]
-        return cls(tuple(moving), gain @ sandwich.wavelet @ gain.T, design.rate)
+        scatter = gain @ sandwich.wavelet @ gain.T
+        return cls(tuple(moving), scatter, design=design, root=root, weighted=weighted)
 
     def without_lines(self) -> FitCurve:
         """Return the parameters and covariance without those of oscillations."""
         noises = [k for k, (process, _) in enumerate(self.moving) if process.oscillation() is None]
-        return replace(self, moving=tuple(self.moving[k] for k in noises), scatter=self.scatter[np.ix_(noises, noises)])
+        moving, scatter = tuple(self.moving[k] for k in noises), self.scatter[np.ix_(noises, noises)]
+        return replace(self, moving=moving, scatter=scatter, weighted=self.weighted[:, noises])
 
     def ends(self, z: float) -> Iterator[dict[Process, Process]]:
         """Yield the processes at both ends of the principal axes of the confidence region that are longer than a factor
-        of two, for which a derivative does not describe the effect of a parameter."""
+        of two, for which a derivative does not describe the effect of a parameter. An end is nearer where the wavelet
+        variance changes by more than twice what its derivative says, because the data exclude what is beyond."""
         free = [k for k, (_, name) in enumerate(self.moving) if name is not None]
         variances, axes = np.linalg.eigh(self.scatter[np.ix_(free, free)])
         for variance, axis in zip(variances, axes.T, strict=True):
             reach = min(z * math.sqrt(max(variance, 0.0)), math.log(WIDEST_INTERVAL))
-            for change in (-reach, reach) if reach > math.log(2.0) else ():
-                changes: dict[Process, dict[str, float]] = {}
-                for k, share in zip(free, axis, strict=True):
-                    process, name = self.moving[k]
-                    assert name is not None
-                    changes.setdefault(process, {})[name] = process.value(name) * math.exp(change * share)
-                with suppress(ModelError):  # outside the range of a parameter
-                    yield {process: process.with_values(**values) for process, values in changes.items()}
+            most = 2.0 * reach * float(np.linalg.norm(self.weighted[:, free] @ axis))
+            for change in (-reach, reach):
+                while abs(change) > math.log(2.0):
+                    end = self._end(free, change * axis)
+                    if end is not None and np.linalg.norm(self.root @ self._difference(end)) <= most:
+                        yield end
+                        break
+                    change *= 0.8
+
+    def _end(self, free: Sequence[int], changes: Vector) -> dict[Process, Process] | None:
+        """Return the processes with changed logarithms of the free parameters; None outside the range of one."""
+        values: dict[Process, dict[str, float]] = {}
+        for k, change in zip(free, changes, strict=True):
+            process, name = self.moving[k]
+            assert name is not None
+            values.setdefault(process, {})[name] = process.value(name) * math.exp(change)
+        with suppress(ModelError):
+            return {process: process.with_values(**names) for process, names in values.items()}
+        return None
+
+    def _difference(self, end: Mapping[Process, Process]) -> Vector:
+        """Return the difference (L,) of the wavelet variance with the processes of `end`."""
+        d = self.design
+        curves = [
+            there.wavelet_variance(d.levels, d.rate, d.filter) - here.wavelet_variance(d.levels, d.rate, d.filter)
+            for here, there in end.items()
+        ]
+        return np.asarray(sum(curves, np.zeros(len(d.levels))))
 
     def slopes(self, n: int) -> Vector:
         """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""
-        return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
+        return np.array([slope(process, name, n, self.design.rate) for process, name in self.moving])
 
     def error(self, slopes: Vector) -> float:
         """Return the standard error of a quantity that has these derivatives (p,) with respect to the parameters."""

@@ -52,7 +52,7 @@ class BiasTerms:
         noise, and stationary noise with a correlation time above T, contribute the Allan variance at T, half the
         variance of the difference between the means of two successive recordings. Ramps are not noise. `span` includes
         the samples that are missing in gaps; for each term, the larger of the variances for both lengths is used."""
-        rate = self.curve.rate
+        rate = self.curve.design.rate
 
         def of(process: Process) -> float:
             return max(_mean_variance(process, length, rate) for length in {samples, span})
@@ -64,7 +64,7 @@ class BiasTerms:
         a correlation time of at least 1 s, random walks, and flicker and power-law noise. The variance of 2^J samples
         about their mean is the sum of the Haar wavelet variances of the levels 1 to J, even for a random walk (Percival
         and Walden 2000, section 8.1). Between these lengths, it is interpolated on a logarithmic scale."""
-        rate = self.curve.rate
+        rate = self.curve.design.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)
         low = math.floor(position)
 

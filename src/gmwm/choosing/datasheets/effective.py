@@ -180,17 +180,22 @@ def claim(fit: Fit, white: float, walk: float, time: float) -> float:
     return math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
 
 
-def true_until(fit: Fit, white: float, walk: float) -> float | None:
-    """Return the longest time (s) up to which the error that a filter with N and K states is true (`TRUE_CLAIM`), from
-    1 s; None if it is true up to 1000 s, or up to a tenth of a shorter recording."""
-    stored: dict[tuple[float, float], float | None] = fit.__dict__.setdefault("_true_until", {})
+def true_times(fit: Fit, white: float, walk: float) -> tuple[float, float]:
+    """Return the shortest and the longest time (s) between which the error that a filter with N and K states is true
+    (`TRUE_CLAIM`), from 1 s. The longest is infinite if it is true up to 1000 s, or up to a tenth of a shorter
+    recording."""
+    stored: dict[tuple[float, float], tuple[float, float]] = fit.__dict__.setdefault("_true_times", {})
     if (white, walk) not in stored:
         wv = fit.wavelet_variance
         times = [
-            t for t in (1, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
+            t for t in (1.0, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
         ]
-        true = [TRUE_CLAIM[0] <= claim(fit, white, walk, time) <= TRUE_CLAIM[1] for time in times]
-        stored[white, walk] = None if all(true) else float(times[max(true.index(False) - 1, 0)])
+        claims = ((time, claim(fit, white, walk, time)) for time in times)
+        since = next((time for time, share in claims if TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), None)
+        false = next((time for time, share in claims if not TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), math.inf)
+        until = math.inf if false == math.inf else max(time for time in times if time < false)
+        # With the upper limit of K, the stated error can be too large at all times.
+        stored[white, walk] = (1.0, 1.0) if since is None and times else (since or 1.0, until)
     return stored[white, walk]
 
 
@@ -357,10 +362,10 @@ def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio
     processes = {process for process, name in curve.moving if name is not None}
 
     def of(process: Process) -> Vector:
-        if not use.contains(process, curve.rate):
+        if not use.contains(process, curve.design.rate):
             return np.zeros(2)
         near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
-        return np.array(FilterPrediction.of([process], curve.rate, samples, ratio, near=near).error(gain))
+        return np.array(FilterPrediction.of([process], curve.design.rate, samples, ratio, near=near).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from struct import Struct
@@ -96,7 +97,8 @@ class SqliteStorage(Storage):
         try:
             # The error messages of SQLite about a damaged table can contain invalid text; these errors are caught too.
             base.text_factory = lambda text: text.decode("utf-8", "replace")
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
+            if sys.version_info >= (3, 11):  # before, the limit of SQLite, 1 GB, remains
+                base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
             base.execute("PRAGMA trusted_schema=OFF")
             if not all(self._table(base, name) for name in ("topics", "messages")):
                 raise ReadError(

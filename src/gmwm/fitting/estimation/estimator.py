@@ -123,10 +123,10 @@ def fit(
 
     against : str, (N,) array, Signal, or mapping of name to these, optional
         Conditions whose effect is removed from the signal before the fit, for example
-        ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
-        account for what the regression removes from the noise; `fit.regression` has its coefficients. The recording has
-        one offset, and a new one after a gap in which the sensor restarted. With "offsets" (``"time + offsets"``,
-        ``{"trend": t, "offsets": None}``), every part without a gap has its own.
+        ``{"temperature:2,lag": imu.temperature}`` or "time + season:1y + step:2000d"; see docs/howto/temperature.md.
+        Intervals and tests account for what the regression removes from the noise; `fit.regression` has its
+        coefficients. The recording has one offset, and a new one after a gap in which the sensor restarted. With
+        "offsets" (``"time + offsets"``, ``{"trend": t, "offsets": None}``), every part without a gap has its own.
     varies : mapping of term to str, optional
         Dependence of the variance of a term on the condition, for recordings at known conditions, or for a Signal
         during which the condition in `against`, such as ``{"rate": values}``, moves. It is a sum of known functions

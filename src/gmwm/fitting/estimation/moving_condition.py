@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.time_base import begins_of, times_of
-from gmwm.measuring.regression.against import TIME, Against, Asked, CovariateTerm
+from gmwm.measuring.regression.against import HOUR_S, TIME, Against, Asked, CovariateTerm
 from gmwm.measuring.regression.api import regress, without
-from gmwm.measuring.regression.covariates import HOUR_S, Covariates
+from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal

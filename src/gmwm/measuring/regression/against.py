@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
+from gmwm.base.text import duration_text
+from gmwm.base.time_base import parse_length
 from gmwm.recording.signals import Signal
 
 AUTO, NONE = "auto", "none"
 TIME, WARM_UP, TEMPERATURE, OFFSETS = "time", "warmup", "temperature", "offsets"
-_EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
-_UNITS = {TEMPERATURE: "°C", TIME: "h"}
+SEASON, STEP = "season:", "step:"
+HOUR_S, YEAR_S = 3600.0, parse_length("1y")
+_EXPECTED = "text such as 'temperature:2,lag', 'time:3', 'season:1y' or 'step:2019-03-01', an array, or a mapping"
 
 Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal | None] | None
 """Types that `against` accepts; see `gmwm.fit`."""
@@ -26,43 +31,58 @@ class CovariateTerm:
     """One covariate of a regression, with the form of its effect: a polynomial of some `degree`, or a natural cubic
     spline with `knots` inner knots. "time" and "warmup" are computed from the times of the samples. With `lag`, the
     rate of change is also a column, for a sensor that follows the covariate with a delay. "offsets" gives every part
-    of the recording without a gap an offset of its own. An `exact` covariate is known
-    without error at every sample; all scales are then used."""
+    of the recording without a gap an offset of its own. An `exact` covariate is known without error at every sample;
+    all scales are then used. `seconds` is the period of "season:1y", the time of "step:2019-03-01" since the first
+    sample (NaN before `within`), or the unit of "time": an hour, or a year in recordings of over a year."""
 
     name: str
     degree: int = 1
     lag: bool = False
     knots: int = 0
     exact: bool = False
+    seconds: float = HOUR_S
 
     def __str__(self) -> str:
+        if self.kind in (SEASON, STEP):
+            return self.name
         options = [str(self.degree)] if self.degree > 1 else []
         options += [f"knots={self.knots}"] if self.knots else []
-        options += [word for word, on in (("lag", self.lag), ("exact", self.exact)) if on]
+        words = {"lag": self.lag, "exact": self.exact, "yr": self.seconds == YEAR_S}
+        options += [word for word, on in words.items() if on]
         return self.name + (":" + ",".join(options) if options else "")
 
     @property
     def unit(self) -> str:
         """Unit of the covariate; an empty string if it is unknown."""
-        return _UNITS.get(self.name, "")
+        return {TEMPERATURE: "°C", TIME: "yr" if self.seconds == YEAR_S else "h"}.get(self.name, "")
+
+    @property
+    def kind(self) -> str:
+        """The name, or "season:" or "step:" without the period or the time."""
+        return self.name[: self.name.find(":") + 1] or self.name
 
     @property
     def is_measured(self) -> bool:
         """Whether the covariate is measured data, in contrast to a function of time."""
-        return self.name not in (TIME, WARM_UP, OFFSETS)
+        return self.kind not in (TIME, WARM_UP, OFFSETS, SEASON, STEP)
 
     @classmethod
     def parse(cls, text: str) -> CovariateTerm:
         """Parse a term; raise OptionError if the text is not a name with known options.
 
         >>> CovariateTerm.parse("temperature:2,lag")
-        CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False)
+        CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False, seconds=3600.0)
         """
         # Largest number of inner knots of a spline.
         most_knots = 10
         # Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation.
         most_degrees = 5
         name, _, options = text.strip().partition(":")
+        if f"{name}:" == STEP and re.match(r"\d{4}-", options):
+            _unix_time(text)
+            return cls(text.strip(), exact=True, seconds=math.nan)
+        if f"{name}:" in (SEASON, STEP) and options[:1].isdigit():
+            return cls(text.strip(), exact=True, seconds=parse_length(options, f"against={name}"))
         if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
             raise OptionError(argument="against", expected=_EXPECTED, got=text)
         degree, knots, words = 1, 0, set()
@@ -71,20 +91,41 @@ class CovariateTerm:
                 degree = int(word)
             elif (match := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(match[1]) <= most_knots:
                 knots = int(match[1])
-            elif word in ("lag", "exact"):
+            elif word in ("lag", "exact") or (word == "yr" and name == TIME):
                 words.add(word)
             else:
                 raise OptionError(
                     argument="against",
-                    expected=f"a degree from 1 to {most_degrees}, knots=1 to {most_knots}, lag or exact after {name!r}",
+                    expected=f"season:1y, step:2000d, or a degree from 1 to {most_degrees}, knots=1 to {most_knots}, "
+                    f"lag or exact after {name!r}",
                     got=word,
                 )
-        if (name in (WARM_UP, OFFSETS) and options) or (name == TIME and words) or (knots and degree > 1):
+        if (name in (WARM_UP, OFFSETS) and options) or (name == TIME and words - {"yr"}) or (knots and degree > 1):
             raise OptionError(
                 f"against: {text!r} has options that do not apply", argument="against", got=text,
                 advice="Write `warmup` alone, `time` with a degree or knots, and either a degree or knots.",
             )  # fmt: skip
-        return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words)
+        seconds = YEAR_S if "yr" in words else HOUR_S
+        return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words, seconds=seconds)
+
+    def within(self, start: float, duration: float, rate: float) -> CovariateTerm:
+        """Return the term for a recording with a start (Unix time, s), a duration (s) and a rate (Hz). Raises
+        OptionError if a season is longer than the recording or too short, or a step is outside."""
+        if self.name == TIME and duration > YEAR_S:
+            return replace(self, seconds=YEAR_S)
+        seconds, length = self.seconds, duration_text(duration)
+        if math.isnan(seconds):
+            seconds = _unix_time(self.name) - start
+        if self.kind == SEASON and not 2 / rate < seconds <= duration:
+            bound = f"longer than the recording of {length}" if seconds > duration else "no longer than two samples"
+            raise OptionError(f"the period of {self.name} is {bound}", argument="against")
+        if self.kind == STEP and not 0 < seconds < duration:
+            first, last = (np.datetime64(round(time), "s") for time in (start, start + duration))
+            raise OptionError(
+                f"{self.name} is outside the recording of {length}, from {first} to {last}", argument="against",
+                advice="Without dates in the recording, give the time since its first sample, such as step:2000d.",
+            )  # fmt: skip
+        return replace(self, seconds=seconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +188,9 @@ def _distinct(terms: Iterable[CovariateTerm]) -> tuple[CovariateTerm, ...]:
     return distinct
 
 
-def is_given(asked: Asked) -> bool:
-    """Return whether a regression or the automatic test of the temperature was requested."""
-    return asked.automatic or bool(asked.terms)
+def _unix_time(step: str) -> float:
+    """Return the Unix time (s) of a step such as "step:2019-03-01"."""
+    try:
+        return float(np.datetime64(step.strip().partition(":")[2].removesuffix("Z"), "ms").astype(np.int64)) / 1e3
+    except ValueError:
+        raise OptionError(argument="against", expected="a date such as step:2019-03-01T12:30", got=step) from None

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.regression.against import WARM_UP, Asked
-from gmwm.measuring.regression.covariates import HOUR_S, Covariates
+from gmwm.base.lazy import scipy
+from gmwm.measuring.regression.against import HOUR_S, TIME, WARM_UP, Asked
+from gmwm.measuring.regression.covariates import Covariates
 from gmwm.measuring.regression.least_squares import COLLINEAR_CONDITION, NoiseMixtures, RegressionDesign, Weighted
 from gmwm.measuring.regression.result import Points, Regression
 from gmwm.measuring.variance.api import wavelet_variance
@@ -113,12 +114,12 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     inverse = np.linalg.pinv(covariance, hermitian=True)
     freedom = max(noise.freedom_of([np.einsum("ab,kba->k", inverse, part) for part in parts]), fewest)
     statistic = float(beta @ inverse @ beta) / beta.size
-    residuals = means - covariates.smooth_matrix(solved.tau) @ beta
+    residuals = means - covariates.matrix(solved.tau, smooth=True) @ beta
     raw, remaining = design.variances(means), design.variances(residuals)
-    counts = clock.counts()[present]
+    counts = clock.counts[present]
     inside = clock.length.bit_length() - 1
-    name = covariates.basis.terms[0].name
-    at = covariates.means.get(name, clock.times / HOUR_S)
+    first = covariates.basis.terms[0]
+    at = covariates.means.get(first.name, clock.times / (first.seconds if first.name == TIME else HOUR_S))
     points = Points(at=_thin(at[present]), before=_thin(means[present]), after=_thin(residuals[present]))
     tau, tau_error = solved.tau, None
     if tau is not None:
@@ -127,7 +128,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     return Regression(
         axis=axis, unit=unit, basis=covariates.basis, estimates=tuple(beta.tolist()), covariance=covariance,
         freedoms=tuple(freedoms), statistic=statistic, freedom=freedom,
-        pvalue=_f_tail(statistic, beta.size, freedom), ranges=dict(covariates.ranges),
+        pvalue=float(scipy.special.fdtrc(beta.size, freedom, statistic)), ranges=dict(covariates.ranges),
         mean=float(np.average(residuals[present], weights=counts)), tau=tau, tau_error=tau_error,
         block=covariates.block / clock.rate, rate=clock.rate, kept=np.concatenate([np.ones(inside), solved.kept]),
         points=points, share=np.concatenate([np.zeros(inside), np.clip(1 - remaining / raw, 0.0, 1.0)]),
@@ -152,7 +153,7 @@ def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: 
     lost = np.diff(places) - 1
     if covariates.own_offsets or not np.any(lost):
         return iteration
-    residuals = means - covariates.smooth_matrix(iteration.tau) @ iteration.weighted.estimate(means)
+    residuals = means - covariates.matrix(iteration.tau, smooth=True) @ iteration.weighted.estimate(means)
     after = np.flatnonzero(lost) + 1
     restarted = restarts(residuals[places], after, lost[after - 1], ())
     if not np.any(restarted):
@@ -197,7 +198,7 @@ def _rounds(
         beta = weighted.estimate(means)
         spread = weighted.covariance_rows(noise.average(noise.covariances(len(means))))
         shares = np.clip(1 - weighted.removed_variance(spread) / noise.curve, 0.1, 1.0)
-        variances = design.variances(means - covariates.smooth_matrix(tau) @ beta)
+        variances = design.variances(means - covariates.matrix(tau, smooth=True) @ beta)
     return _Iteration(weighted, noise, shares, tau)
 
 
@@ -252,12 +253,12 @@ def restate(
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)
-    residuals = means - covariates.having(regression.terms).smooth_matrix(regression.tau) @ estimates
+    residuals = means - covariates.having(regression.terms).matrix(regression.tau, smooth=True) @ estimates
     statistic = float(estimates @ np.linalg.pinv(covariance, hermitian=True) @ estimates) / estimates.size
     return replace(
         regression, estimates=tuple(estimates.tolist()), covariance=covariance, freedoms=freedoms, freedom=freedom,
-        statistic=statistic, pvalue=_f_tail(statistic, estimates.size, freedom),
-        mean=float(np.average(residuals[present], weights=clock.counts()[present])),
+        statistic=statistic, pvalue=float(scipy.special.fdtrc(estimates.size, freedom, statistic)),
+        mean=float(np.average(residuals[present], weights=clock.counts[present])),
         points=replace(regression.points, after=_thin(residuals[present])),
     )  # fmt: skip
 
@@ -266,12 +267,6 @@ def _thin(values: Vector) -> Vector:
     """Return the means of up to `POINTS` consecutive parts of nearly equal length."""
     edges = np.linspace(0, values.size, min(256, values.size) + 1).astype(np.int64)
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
-
-
-def _f_tail(statistic: float, size: int, freedom: float) -> float:
-    from scipy.special import fdtrc
-
-    return float(fdtrc(size, freedom, statistic))
 
 
 def effect_of(regression: Regression, covariates: Covariates, first: int, last: int) -> Vector:

@@ -51,10 +51,15 @@ class BlockClock:
         return cls(usual_length(samples, end) if length is None else length, rate, tuple(segments), tuple(offsets))
 
     @property
+    def end(self) -> int:
+        """Number of sampling intervals from the first sample to the end of the last one."""
+        first, last = self.segments[-1]
+        return self.offsets[-1] + last - first
+
+    @property
     def blocks(self) -> int:
         """Number of blocks from the first to the last sample, including blocks in gaps."""
-        first, last = self.segments[-1]
-        return -(-(self.offsets[-1] + last - first) // self.length)
+        return -(-self.end // self.length)
 
     @property
     def times(self) -> Vector:
@@ -73,17 +78,14 @@ class BlockClock:
                 begin = stop
         return pieces
 
-    def counts(self) -> Integers:
-        """Return the number of observed samples in each block."""
-        return self._counts
-
     @cached_property
     def _ranges(self) -> Integers:
         """First sample, end and time of the first sample (in sampling intervals) of each segment (k, 3)."""
         return np.column_stack([np.array(self.segments, dtype=np.int64), np.array(self.offsets, dtype=np.int64)])
 
     @cached_property
-    def _counts(self) -> Integers:
+    def counts(self) -> Integers:
+        """Number of observed samples in each block."""
         first, last, offset = self._ranges.T
         # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
         # integers, so the result is exact.
@@ -93,11 +95,11 @@ class BlockClock:
 
     def present(self) -> Booleans:
         """Return the mask of the blocks with at least half of their samples."""
-        return np.asarray(self.counts() * 2 >= self.length)
+        return np.asarray(self.counts * 2 >= self.length)
 
     def whole(self) -> Booleans:
         """Return the mask of the blocks with all of their samples."""
-        return np.asarray(self.counts() == self.length)
+        return np.asarray(self.counts == self.length)
 
     def part(self, first: int, last: int) -> BlockClock:
         """Return the clock of the samples first … last − 1, with the same blocks."""
@@ -121,7 +123,7 @@ class BlockClock:
 
     def mean_of(self, sums: Vector) -> Vector:
         """Return the means of blocks from the sums of their samples. Empty blocks have the value 0."""
-        counts = self.counts()
+        counts = self.counts
         return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
 
     def sums(self, values: Vector, *, clipped: bool = False) -> Vector:
@@ -178,8 +180,7 @@ class BlockClock:
         at, curve = self._lines(means)
         if self.length == finer.length or self.blocks < 4:
             return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))
-        first, last = self.segments[-1]
-        edges = np.append(np.arange(self.blocks) * float(self.length), self.offsets[-1] + last - first)
+        edges = np.append(np.arange(self.blocks) * float(self.length), self.end)
         middles = np.interp((np.arange(self.blocks) + 0.5) * self.length - 0.5, at, curve)
         sums = np.concatenate([[0.0], np.cumsum(middles * np.diff(edges))])
         at = np.append(np.arange(finer.blocks) * float(finer.length), edges[-1])
@@ -187,7 +188,7 @@ class BlockClock:
 
     def _lines(self, means: Vector) -> tuple[Vector, Vector]:
         """Return times (sampling intervals) and values of nodes of a line through the means of non-empty blocks."""
-        filled = np.flatnonzero(self.present() if np.any(self.present()) else self.counts() > 0)
+        filled = np.flatnonzero(self.present() if np.any(self.present()) else self.counts > 0)
         at = np.asarray((filled + 0.5) * self.length - 0.5, dtype=np.float64)
         curve = means[filled]
         if filled.size > 1 and self.length > 1:

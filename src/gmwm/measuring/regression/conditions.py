@@ -109,7 +109,7 @@ class Conditions:
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
         if not _is_requested(asked, recording.has_temperature):
             return cls()
-        exact = next((term for term in asked.terms if term.exact), None)
+        exact = next((term for term in asked.terms if term.exact and term.is_measured), None)
         if exact is not None:
             raise OptionError(
                 f"against={exact} needs the recording in memory; got a Stream",

@@ -12,7 +12,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.time_base import times_of
-from gmwm.measuring.regression.against import OFFSETS, TEMPERATURE, TIME, WARM_UP, CovariateTerm
+from gmwm.measuring.regression.against import OFFSETS, SEASON, STEP, TEMPERATURE, TIME, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.blocks import BlockClock
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.recording.resolution import lsb
@@ -45,8 +45,13 @@ class Covariates:
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
         """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
         length, or has too large errors at all scales."""
-        usual = 1 if any(term.exact for term in terms) else None
+        usual = 1 if any(term.exact and term.is_measured for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
+        terms = [term.within(signal.start, clock.end / clock.rate, clock.rate) for term in terms]
+        # The mean over 1/64 of a season has an amplitude that is smaller by 0.04 %.
+        longest = min((term.seconds * clock.rate / 64 for term in terms if term.kind == SEASON), default=np.inf)
+        while clock.length > max(longest, 1):
+            clock = replace(clock, length=clock.length // 2)
         block, lowest, values_by_name, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
             if term.is_measured:
@@ -95,15 +100,15 @@ class Covariates:
         at = clock.times
         references, ranges = {}, {}
         for term in terms:
-            if term.name == OFFSETS:
+            if term.kind in (OFFSETS, SEASON, STEP):
                 continue
-            covariate = means.get(term.name, at / HOUR_S if term.name == TIME else at)
+            covariate = means.get(term.name, at / term.seconds if term.name == TIME else at)
             low, high = float(np.min(covariate[present])), float(np.max(covariate[present]))
             # The reference is rounded to three digits of the range, so that it is a short number in reports.
             digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
             references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(covariate[present])), digits)
             ranges[term.name] = (low, high)
-        exact = {term.name: arrays[term.name] for term in terms if term.exact}
+        exact = {term.name: arrays[term.name] for term in terms if term.exact and term.is_measured}
         bare = cls(
             basis=Basis((), references, {}), clock=clock,
             means={name: freeze(covariate) for name, covariate in means.items()}, smooth=dict(means),
@@ -130,18 +135,16 @@ class Covariates:
         }
         return replace(self, basis=Basis(terms, self.basis.references, knots))
 
-    def matrix(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s)."""
-        return self.basis.matrix(self.means, self.clock.times, tau)
-
-    def smooth_matrix(self, tau: float | None = None) -> Matrix:
-        """Return the columns (n, p) from smoothed covariates, from which the subtracted effect is computed."""
-        return self.basis.matrix(self.smooth, self.clock.times, tau)
+    def matrix(self, tau: float | None = None, *, smooth: bool = False) -> Matrix:
+        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s). The
+        subtracted effect is computed from smoothed covariates (`smooth`)."""
+        width = self.clock.length / self.clock.rate if self.clock.length > 1 else 0.0
+        return self.basis.matrix(self.smooth if smooth else self.means, self.clock.times, tau, width)
 
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """Return the effect X β of coefficients β with the columns X at the samples first … last − 1."""
-        if not self.exact:
-            return self.clock.interpolate(self.smooth_matrix(tau) @ coefficients, first, last)
+        if not any(term.exact for term in self.basis.terms):
+            return self.clock.interpolate(self.matrix(tau, smooth=True) @ coefficients, first, last)
         clock = self.clock
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
@@ -155,7 +158,7 @@ class Covariates:
 def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
     values = arrays.get(term.name)
     if values is None:
-        names = ", ".join([*arrays, TIME, WARM_UP])
+        names = ", ".join([*arrays, TIME, WARM_UP, f"{SEASON}1y", f"{STEP}2000d"])
         raise OptionError(
             f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {names}",
             argument="against",
@@ -206,7 +209,8 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     wavelet variance decreases with the scale. The total variance decreases until the changes of the covariate dominate.
     Without noise, the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
     curve = wavelet_variance(replace(signal, values=values, unit="", axis="")).variance
-    valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
+    run = values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)  # samples with the same reading
+    valley = 0 if step else min(max(int(np.ceil(np.log2(run))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1
     # A covariate with quantization step q must have a wavelet variance of at least this number times q² at some scale.
@@ -241,12 +245,6 @@ def _is_dithered(values: Vector) -> bool:
     return windows.size >= 0.9 * count
 
 
-def _usual_run(values: Vector) -> float:
-    """Return the mean number of consecutive samples with the same reading."""
-    return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)
-
-
-HOUR_S = 3600.0
 _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 
@@ -273,30 +271,39 @@ class Basis:
         """The columns, in the order of the terms."""
         return tuple(column for term in self.terms for column in _columns(term))
 
-    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None) -> Matrix:
-        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s)."""
-        return np.hstack([self._of_term(term, values.get(term.name, times), times, tau) for term in self.terms])
+    def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None, width: float = 0.0) -> Matrix:
+        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s). A step is
+        averaged over blocks of the width (s)."""
+        arrays = [values.get(term.name, times) for term in self.terms]
+        pairs = zip(self.terms, arrays, strict=True)
+        return np.hstack([self._of_term(term, array, times, tau, width=width) for term, array in pairs])
 
     def along(self, name: str, points: Vector) -> Matrix:
         """Return the columns (m, p) for values of one covariate, with zero for others and rates of change."""
         parts = []
         for term in self.terms:
             if term.name == name:
-                points_or_times = points * HOUR_S if name == TIME else points
-                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None))
+                points_or_times = points * term.seconds if name == TIME else points
+                parts.append(self._of_term(replace(term, lag=False), points_or_times, points, None, width=0.0))
                 parts += [np.zeros((points.size, 1))] * term.lag
             else:
                 parts.append(np.zeros((points.size, len(_columns(term)))))
         return np.hstack(parts)
 
-    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None) -> Matrix:
+    def _of_term(self, term: CovariateTerm, values: Vector, times: Vector, tau: float | None, width: float) -> Matrix:
         if term.name == OFFSETS:
             return np.empty((times.size, 0))
         if term.name == WARM_UP:
             assert tau is not None
             decay = np.exp(-times / tau)
             return np.column_stack([decay, times / tau * decay])
-        covariate = values / HOUR_S if term.name == TIME else values
+        if term.kind == SEASON:
+            turn = 2 * np.pi / term.seconds * times
+            return np.column_stack([np.cos(turn), np.sin(turn)])
+        if term.kind == STEP:
+            after = times[:, None] - term.seconds
+            return np.clip(after / width + 0.5, 0.0, 1.0) if width else (after >= 0).astype(np.float64)
+        covariate = values / term.seconds if term.name == TIME else values
         offsets = covariate - self.references[term.name]
         columns = [offsets**power for power in range(1, term.degree + 1)]
         if term.knots:
@@ -312,6 +319,8 @@ def _columns(term: CovariateTerm) -> list[Column]:
     name, unit = term.name, term.unit
     if name == OFFSETS:
         return []
+    if term.kind == SEASON:
+        return [Column(f"{name} cos", name), Column(f"{name} sin", name)]
     if name == WARM_UP:
         return [Column(name, name), Column(f"{name} tau", name)]
     columns = [Column(name, name, unit)]

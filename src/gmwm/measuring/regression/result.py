@@ -86,7 +86,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         Joint F test that all coefficients are zero: statistic, denominator degrees of freedom (the numerator has p) and
         p-value.
     ranges : mapping of covariate to (lowest, highest)
-        Range of each covariate in the recording. The unit of time is hours.
+        Range of each covariate in the recording. The unit of time is hours, or years in recordings of over a year.
     mean : float
         Mean of the axis at the reference values of the covariates.
     tau, tau_error : float or None
@@ -165,11 +165,8 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     @property
     def lag(self) -> dict[str, float]:
         """Delay (s) of the axis behind each covariate that has a lag column."""
-        lags = {}
-        for term in self.terms:
-            if term.lag and self[term.name].value:
-                lags[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
-        return lags
+        names = [term.name for term in self.terms if term.lag and self[term.name].value]
+        return {name: -self[f"{name} lag"].value / self[name].value for name in names}
 
     def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
         """Compute the effect of a covariate at given values, relative to its reference value.
@@ -239,10 +236,8 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         ]
         at = self.references[TEMPERATURE]
         away = 0.0 if reference is None else reference - at
-        shifted = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([away, 1.0]))
-        result = np.zeros(len(coefficients))
-        result[: shifted.coef.size] = shifted.coef
-        return result
+        shifted = np.polynomial.Polynomial(coefficients)(np.polynomial.Polynomial([away, 1.0])).coef
+        return np.pad(shifted, (0, len(coefficients) - shifted.size))
 
     def corrected(self, wv: WaveletVariance) -> WaveletVariance:
         """Return the wavelet variance of the noise, computed from the wavelet variance `wv` of the residuals.
@@ -285,9 +280,9 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         for name, lag in self.lag.items():
             lines.append(f"  lag behind {name}: {'-' * (lag < 0)}{duration_text(abs(lag))}")
         at = ", ".join(
-            f"{name} {value:g} {CovariateTerm(name).unit}".rstrip()
-            for name, value in self.references.items()
-            if name != WARM_UP
+            f"{term.name} {self.references[term.name]:g} {term.unit}".rstrip()
+            for term in self.terms
+            if term.name in self.references and term.name != WARM_UP
         )
         lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
         if at:
@@ -333,9 +328,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
             mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
             rate=content["rate"],
             kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
-            points=Points(
-                **{name: np.array(coefficients, dtype=np.float64) for name, coefficients in content["points"].items()},
-            ),
+            points=Points(**{name: np.array(at, dtype=np.float64) for name, at in content["points"].items()}),
             applied=content["applied"],
             coarse=None if coarse is None else (float(coarse[0]), float(coarse[1]), float(coarse[2])),
         )  # fmt: skip

@@ -11,7 +11,7 @@ from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.template import fact_text
 from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT, noise_unit
-from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_until
+from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_times
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
@@ -83,10 +83,10 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
     """Return sentences on the sinusoids: the strongest of each sensor, their number, and their effect on N and K."""
     parts, count = [], 0
     for sensor in sensors:
-        lines = [(line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
+        lines = [(*line, axis.axis) for axis in sensor.axes for line in lines_of(axis.fit)]
         if lines:
-            line, axis = max(lines, key=lambda pair: pair[0].amplitude)
-            parts.append(f"{axis} {line.frequency:.3g} Hz ({line.amplitude:.2g} {SI_UNIT[sensor.quantity]})")
+            amplitude, frequency, _, axis = max(lines, key=lambda line: line[0])
+            parts.append(f"{axis} {frequency:.3g} Hz ({amplitude:.2g} {SI_UNIT[sensor.quantity]})")
             count += len(lines)
     more = f" and {count - len(parts)} more" if count > len(parts) else ""
     if not parts:
@@ -116,9 +116,11 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         if process.line(wv.rate) is None and process.oscillation() is not None:
             yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
-    for line in lines_of(fit):
-        frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
-        yield Remark.of("lines", axis, case="file", term=line.term, frequency=frequency, amplitude=amplitude)
+    for amplitude, frequency, term in lines_of(fit):
+        yield Remark.of(
+            "lines", axis, case="file", term=term, frequency=Quantity(frequency, "Hz"),
+            amplitude=Quantity(amplitude, unit),
+        )  # fmt: skip
 
 
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
@@ -212,9 +214,13 @@ def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
         text = f"{NAMES[sensor.quantity].capitalize()}, {times} s: "
         if not any(map(math.isnan, losses)):
             text += f"error / full model's error {_listed(losses)}; "
-        until = min((t for axis in axes if (t := true_until(axis.fit, axis.N.value, axis.K.value))), default=math.inf)
+        begins, ends = zip(*(true_times(axis.fit, axis.N.value, axis.K.value) for axis in axes), strict=True)
+        since, until = max(begins), min(ends)
         lines.append(f"{text}stated / real error {_listed(claims)}.")
-        if until < TIMES[-1]:
+        if since > TIMES[0]:
+            end = f" up to {until:g} s" if since < until < math.inf else ""
+            lines.append(f"{NAMES[sensor.quantity].capitalize()}: N and K hold from {since:g} s{end}.")
+        elif until < TIMES[-1]:
             lines.append(
                 f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {until:g} s; beyond, set the "
                 f"horizon{_bias_instead(axes)}."

@@ -225,23 +225,12 @@ def _number(axis: str, fit: Fit, entry: Entry) -> Number:
     return Number(entry.high, True)
 
 
-@dataclass(frozen=True)
-class Sinusoid:
-    """A sinusoid of a model: name of the term, frequency (Hz), and amplitude in the unit of the signal."""
-
-    term: str
-    frequency: float
-    amplitude: float
-
-
-def lines_of(fit: Fit) -> list[Sinusoid]:
-    """Return the sinusoids of a fit, the strongest first. A filter with only N and K cannot represent them."""
+def lines_of(fit: Fit) -> list[tuple[float, float, str]]:
+    """Return amplitude (in the unit of the signal), frequency (Hz) and term of each sinusoid of a fit, the strongest
+    first. A filter with only N and K cannot represent them."""
     rate = fit.wavelet_variance.rate
-    lines = []
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
-        line = process.line(rate)
-        if line is None or process.scale == 0:
-            continue
-        times = {number.time_power: number.value for number in process.physical(rate) if not number.signal_power}
-        lines.append(Sinusoid(term, times.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])))
-    return sorted(lines, key=lambda line: -line.amplitude)
+    return sorted((
+        (math.sqrt(2 * line[0]), process.oscillation() or abs(line[1]) * rate, term)
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        if (line := process.line(rate)) is not None and process.scale > 0
+    ), reverse=True)  # fmt: skip

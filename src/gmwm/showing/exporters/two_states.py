@@ -80,7 +80,7 @@ def apart(error: float) -> str:
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
     """Fit white noise and two Gauss-Markov states to a model, from the horizon to the duration (s; by default one hour,
     or a shorter recording), by least squares of the logarithm of the Allan variance. Return None if a filter without
-    random walk is best."""
+    random walk is best, or one sample takes longer."""
     return cached(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
 
 
@@ -94,14 +94,14 @@ def cached(fit: Fit, what: str, options: tuple[float | None, ...], compute: Call
 
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:
     noise = filter_entries(fit, Use(horizon), 0.95)
-    if noise["K"].value == 0:
-        return None
     longest = (
         min(LONGEST_AVERAGING_S, fit.wavelet_variance.samples / fit.wavelet_variance.rate)
         if duration is None
         else duration
     )
     high = max(longest, LEAST_AVERAGING_RATIO * horizon)
+    if noise["K"].value == 0 or high * fit.wavelet_variance.rate < 1:
+        return None
     curve = Curve.of(fit, horizon, high)
     # At 100 times the longest averaging time, the Allan deviation of a Gauss-Markov process differs from that of a
     # random walk by 0.3 % (tests/exporters/test_two_states.py).

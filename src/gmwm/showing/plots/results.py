@@ -16,7 +16,7 @@ from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.text import duration_text
 from gmwm.base.units import datasheet_units
 from gmwm.fitting.inference.planning import CERTAIN_ERROR, Plan, as_accuracy
-from gmwm.measuring.regression.against import TIME, WARM_UP
+from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP
 from gmwm.showing.plots.axes import even_axis, limits_of, power_of, scaled_unit, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.figure import (
@@ -212,7 +212,6 @@ def plot_differences(
 BEFORE = Stroke(BLUE, 0.0, (), "circle", filled=False)
 AFTER = Stroke(GREY, 0.0, (), "cross")
 EFFECT = Stroke(ORANGE, 2.2)
-_NAMES = {"temperature": "Temperature (°C)", TIME: "Time (h)", WARM_UP: "Time (h)"}
 
 
 def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Panel:
@@ -222,21 +221,24 @@ def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Pan
     unit, factor = regression.unit, 1.0
     if units == "datasheet" and (others := datasheet_units(regression.unit)):
         unit, factor = next(iter(others.items()))
-    name = regression.terms[0].name
+    term = regression.terms[0]
+    name = term.name
     before = factor * (regression.points.before - regression.mean)
     after = factor * (regression.points.after - regression.mean)
     reach = float(np.max(np.abs(np.concatenate([before, after]))))
     power = power_of(reach)
     size = 10.0**-power
     low, high = float(np.min(regression.points.at)), float(np.max(regression.points.at))
-    x = even_axis(low, high, _NAMES.get(name, name), margin=0.03)
+    time = f"Time ({term.unit or 'h'})"
+    title = "Temperature (°C)" if name == TEMPERATURE else name if term.is_measured else time
+    x = even_axis(low, high, title, margin=0.03)
     values = np.concatenate([before, after]) * size
     label = f"{axis_title(regression.axis) or 'Signal'} ({scaled_unit(unit, power)})"
     y = even_axis(float(np.min(values)), float(np.max(values)), label, margin=0.06)
     marks: list[Polyline | Band] = [
         Polyline(regression.points.at, before * size, stroke=BEFORE, label="Before", layer=1)
     ]
-    if name != WARM_UP:
+    if name in regression.references and name != WARM_UP:
         effect = regression.curve(np.linspace(*regression.ranges[name], 100), name)
         scale = factor * size
         marks = [
