@@ -152,10 +152,12 @@ def _knocks(values: Vector, rate: float) -> Ranges:
 def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
     ranges = _ranges_of(("large", "small", "pulses"), values, rate, step)
-    if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size:
-        return ranges
-    # At coarse levels, pulses every few seconds look like one burst.
-    return _ranges_of(("pulses", "large", "small"), values, rate, step)
+    if np.sum(ranges[:, 1] - ranges[:, 0]) > MOST * values.size:
+        # At coarse levels, pulses every few seconds look like one burst. Longer knocks need their margins.
+        pulses = _ranges_of(("pulses", "large", "small"), values, rate, step)
+        if pulses.size and np.max(pulses[:, 1] - pulses[:, 0]) < 150:
+            return pulses
+    return ranges
 
 
 def _ranges_of(kinds: tuple[str, ...], values: Vector, rate: float, step: float) -> Ranges:
