@@ -121,7 +121,8 @@ def cleaned(x: Signal) -> Cleaned:
     """
     spikes = find_spikes(x)
     signal = repaired(x, spikes)
-    knocks = _knocks(signal.values, x.rate)
+    # Replaced samples are not at multiples of the step.
+    knocks = _knocks(signal.values, x.rate, lsb(x.values) or 0.0)
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes.
         spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
@@ -140,9 +141,9 @@ def cleaned(x: Signal) -> Cleaned:
     )  # fmt: skip
 
 
-def _knocks(values: Vector, rate: float) -> Ranges:
+def _knocks(values: Vector, rate: float, step: float) -> Ranges:
     """Return the index ranges of the knocks."""
-    step, length = lsb(values) or 0.0, panel_length(rate)
+    length = panel_length(rate)
     panels = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
     ranges = _union(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
