@@ -130,7 +130,7 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
     if base - values[best] < max(gain, _CLEAR.gain) + 6.6:
         return []
-    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.0:
+    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= _POSSIBLE.matters:
         return []
     return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
 
