@@ -237,6 +237,18 @@ def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
     assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
 
 
+def test_a_second_warm_up_makes_k_a_bound():
+    """After a power cycle, the mean jumps and decays again. A jump that is subtracted would leave the decay in K."""
+    size = 3 * SAMPLES
+    at = np.arange(size) / size
+    x = faults.WHITE * np.random.default_rng(3).normal(size=size)
+    x += 4e-4 * np.exp(-8 * at) + 4e-4 * np.where(at > 0.5, np.exp(-8 * (at - 0.5)), 0.0)
+    only(seen(x).remarks, "level-steps:possible", "gyro_x")
+    calibration = gmwm.calibrate(imu_of(x), "WN + RW")
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
+    assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
 @pytest.mark.slow
 def test_a_day_with_harmonics_is_a_part_of_the_model():
     rng, rate = np.random.default_rng(8), 0.25

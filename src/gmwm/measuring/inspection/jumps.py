@@ -109,7 +109,30 @@ def _jumps_in(means: Vector) -> list[_Jump]:
         places, gain = _together(means)
         if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
             jumps = _one_by_one(means, clearest, places, gain / len(places))
+    if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
+        jumps = _warm_up_at(means, clearest, jumps) or jumps
     return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
+
+
+def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Sequence[_Jump]) -> list[_Jump]:
+    """Return the clearest jump as a possible one if a warm-up at its place, as after a power cycle, raises K and
+    describes the means better than jumps (tests/test_inspection_faults.py)."""
+    likelihood, at = Likelihood(means), np.arange(means.size) + 0.5
+    gain, place, weights = clearest
+    step, base = _courses([place], means.size), float(np.min(likelihood.without().values))
+    if len(jumps) > 1:
+        courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
+        gain = max(gain, base - likelihood.with_all(courses) - _MORE * (len(jumps) - 1))
+    times = np.geomspace(2.0, means.size / 2, 12)
+    decays = np.where(at > place, np.exp(-np.maximum(at - place, 0.0) / times[:, None]), 0.0)
+    values = np.min(likelihood.with_one(likelihood.transform(decays)).values, axis=0)
+    best = int(np.argmin(values))
+    # The 99 % quantile of χ² with one degree of freedom, for the time constant.
+    if base - values[best] < max(gain, _CLEAR.gain) + 6.6:
+        return []
+    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.0:
+        return []
+    return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
 
 
 def _one_by_one(
