@@ -43,8 +43,8 @@ def test_hooks_run_the_tools_of_make_lint():
     repositories = loaded(ROOT / ".pre-commit-config.yaml")["repos"]
     hooks = [hook for repository in repositories for hook in repository["hooks"]]
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    checks = re.search(r"^lint:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1].replace("$(BIN)/", "").split("\n")
-    tools = {words[0] for words in map(str.split, checks) if words}
+    checks = re.search(r"^lint:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1]
+    tools = set(re.findall(r"\$\(BIN\)/([\w-]+)", checks)) - {"python"}
     run = {hook.get("entry", hook["id"].partition("-")[0]).split()[0].removeprefix(".venv/bin/") for hook in hooks}
     assert tools <= run
     assert all(repository["repo"] == "local" or re.match(r"v\d", repository["rev"]) for repository in repositories)

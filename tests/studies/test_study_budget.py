@@ -1,5 +1,6 @@
 """Reduced run of validation/study_budget.py: the budget has the errors of a strapdown integration."""
 
+import numpy as np
 import pytest
 
 from validation import study_budget
@@ -18,6 +19,6 @@ def test_every_error_is_that_of_the_integration():
 
 
 def test_the_integration_of_no_noise_stays_at_rest():
-    none = study_budget.navigate(lambda k: 0.0, lambda k: 0.0, 1, 0, (1, 10))
+    none = study_budget.navigate(("WN(sigma2=0)", "WN(sigma2=0)"), 1, 0, (1, 10), np.random.default_rng(1))
     for errors in none.values():
         assert max(abs(value).max() for value in errors.values()) < 1e-6

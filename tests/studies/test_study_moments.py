@@ -10,4 +10,4 @@ pytestmark = pytest.mark.slow
 def test_intervals_of_more_moments_contain_the_truth():
     result = study_moments.run(reduced=True)
     assert all(min(row["covered"]) >= 0.5 for row in result["rows"])
-    assert study_moments.table(result).count("\n|") == 6
+    assert study_moments.table(result).count("\n|") == 7

@@ -496,8 +496,8 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         >>> from gmwm import calibrate, simulate
         >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=50_000, rng=1)
         >>> found = calibrate(imu, within="WN + RW").agree({"gyro.N": (0.5, "deg/√h")})
-        >>> round(found["gyro_x.N"].factor, 1), found["gyro_x.N"].verdict
-        (2.3, 'larger')
+        >>> round(found["gyro_x.N"].ratio, 1), found["gyro_x.N"].verdict
+        (0.4, 'larger')
         """
         from gmwm.calibration.reference_check import check_reference
 

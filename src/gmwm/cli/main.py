@@ -19,7 +19,6 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from gmwm.base.documents import DIALECT
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.extras import admit_guests
 from gmwm.base.helpers import end_helpers
@@ -407,6 +406,8 @@ def schema(name: str) -> dict[str, Any]:
         raise OptionError(
             argument="schema", expected=f"one of calibration.json, session.json, {', '.join(schemas)}", got=name
         )
+    from gmwm.base.documents import DIALECT
+
     return {"$schema": DIALECT, "title": f"gmwm {name}", **schemas[name]}
 
 

@@ -220,11 +220,13 @@ def checked_horizon(horizon: float) -> float:
 def limited(fit: Fit, entries: Mapping[str, Entry], horizon: float, level: float) -> dict[str, Entry]:
     """Return N and K with upper limits, from a fit of the model with this noise added, where they may be zero.
 
-    Slow noise below the limit of K adds up to K² T/3 to the Allan variance at the horizon T. A filter counts it in N if
-    its correlation time is a few T, which such a recording does not show, so the interval of N includes it."""
+    Slow noise below the limit of K adds up to K² T/3 to the Allan variance at the horizon T. If the model has none, a
+    filter counts it in N if its correlation time is a few T, which such a recording does not show, so the interval of N
+    includes it."""
     numbers = {symbol: _limited(fit, entry, level) for symbol, entry in entries.items()}
     white, walk = numbers["N"], numbers["K"]
-    if walk.upper_only and walk.high and white.high and not white.held and math.isfinite(walk.high):
+    absent = walk.upper_only and not entries["K"].value
+    if absent and walk.high and white.high and not white.held and math.isfinite(walk.high):
         numbers["N"] = replace(white, high=math.hypot(white.high, walk.high * math.sqrt(horizon / 3)))
     return numbers
 

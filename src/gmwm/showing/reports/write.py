@@ -27,7 +27,6 @@ from gmwm.base.text import counted, version
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.tables import with_error
-from gmwm.showing.plots.matplotlib import Picture
 from gmwm.showing.reports.content import report_data
 from gmwm.showing.reports.verdict import SENTENCE_ENDS, filter_tables, recording_facts, state_of, title_of
 
