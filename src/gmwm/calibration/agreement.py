@@ -333,11 +333,11 @@ def _shared_factors(
     freedom = int(np.linalg.matrix_rank(matrix)) - count
     d, errors = (inverse @ target)[count:], scale * np.linalg.norm(inverse, axis=1)[count:]
     # A recording that shares no axis with the first one, or with one that does, has no factor.
-    known = np.abs((inverse @ matrix - np.eye(matrix.shape[1]))[count:]).max(axis=1) < 1e-6
-    known[first], d[first], errors[first] = True, 0.0, 0.0
+    comparable = np.abs((inverse @ matrix - np.eye(matrix.shape[1]))[count:]).max(axis=1) < 1e-6
+    comparable[first], d[first], errors[first] = True, 0.0, 0.0
     factors = [
         (math.exp(size), math.exp(size - _Z * error), math.exp(size + _Z * error)) if is_known else None
-        for size, error, is_known in zip(d.tolist(), errors.tolist(), known, strict=True)
+        for size, error, is_known in zip(d.tolist(), errors.tolist(), comparable, strict=True)
     ]
     return SensorFactors(
         sensor=sensor, symbol=symbol, axes=tuple(logs), factors=tuple(factors),

@@ -110,12 +110,12 @@ def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
 def _notation(model: Model, width: int) -> str:
     names = Counter(process.name.partition("(")[0] for process in model.processes)
     parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
-    rest = [*list(accumulate(reversed(names.values())))[::-1], 0]
+    terms_after = [*list(accumulate(reversed(names.values())))[::-1], 0]
     for k in range(len(parts), 0, -1):
-        text = "+".join([*parts[:k], *([f"{rest[k]} more"] if rest[k] else [])])
+        text = "+".join([*parts[:k], *([f"{terms_after[k]} more"] if terms_after[k] else [])])
         if len(text) <= width:
             return text
-    return f"{rest[0]} terms"
+    return f"{terms_after[0]} terms"
 
 
 def main_symbols(axes: Mapping[str, AxisCalibration]) -> dict[str, str]:

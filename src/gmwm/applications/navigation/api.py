@@ -104,8 +104,8 @@ def mean_squares(
         return _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(0, gain))
     squares = _mean_squares(process.state_space(rate), rate, motion, steps, start=(rest, gain))
     if np.any(motion.at_start):
-        known = _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(rest, gain))
-        squares[:, :3] = known[:, :3]
+        from_zero = _mean_squares(start_at_zero(process, rate), rate, motion, steps, start=(rest, gain))
+        squares[:, :3] = from_zero[:, :3]
     return squares
 
 

@@ -159,9 +159,9 @@ class Likelihood:
         and the last ones; its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid
         shapes, squares = _steps_of(n + 1, first)
-        left = np.maximum(self._flat[:, None] - ((grid.weights * self.z) @ shapes) ** 2 / squares, _LEAST)
-        best = np.argmin(left, axis=1)
-        values = self._minus2(left[np.arange(best.size), best], grid.logs)
+        remainders = np.maximum(self._flat[:, None] - ((grid.weights * self.z) @ shapes) ** 2 / squares, _LEAST)
+        best = np.argmin(remainders, axis=1)
+        values = self._minus2(remainders[np.arange(best.size), best], grid.logs)
         model = int(np.argmin(values))
         shape, between = int(best[model]), n - 2 * (first - 1)
         place = first + shape if shape < between else first + shape - between + 0.5

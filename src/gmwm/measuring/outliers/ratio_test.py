@@ -35,20 +35,20 @@ def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | N
     and the `robust` ν̃², with correlations of `model`, by default the likeliest mixture of all processes."""
     if not np.any(tested):
         return np.empty(0)
-    whole = Design.of(robust)
+    all_levels = Design.of(robust)
     if model is None:
-        there = robust.variance > 0
+        positive = robust.variance > 0
         # Scaling by a power of two causes no rounding error and keeps fourth powers within the range of numbers.
         unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
-        design = whole.only(there)
-        _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], design)
+        design = all_levels.only(positive)
+        _, noise = mixture(robust.variance[positive] / unit, robust.degrees_of_freedom[positive], design)
     else:
         noise = as_model(model)
-    square = ratio_variances(noise, whole.only(tested))
+    square = ratio_variances(noise, all_levels.only(tested))
     assert robust.efficiency is not None
     beyond = 2 / robust.efficiency - 2
     # If the model has no noise, only a drift, one in 2^j coefficients counts as independent.
-    square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
+    square = np.where(square > 0, square, beyond / all_levels.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
     # Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux

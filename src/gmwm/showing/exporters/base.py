@@ -255,9 +255,9 @@ def export(
 ) -> str:  # fmt: skip
     """Return the noise of a unit in the format of another program; see `Calibration.export`."""
     exporter = find_exporter(format)
-    given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
-    options = _options(exporter, given)
-    for name, value in given.items():
+    arguments = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate, "duration": duration}
+    options = _options(exporter, arguments)
+    for name, value in arguments.items():
         if name not in exporter.takes and value != _DEFAULTS[name]:
             used = ", ".join(sorted(exporter.takes)) or "none of these options"
             raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
@@ -310,12 +310,12 @@ def export_all(
 
 def require_extension(format: str, path: str | os.PathLike[str], argument: str = "path") -> None:
     """Raise an OptionError if the extension of a file does not belong to the format."""
-    wanted, found = find_exporter(format).extension, Path(path).suffix.lower()
-    if found and found != wanted and {found, wanted} != {".yml", ".yaml"}:
+    extension, suffix = find_exporter(format).extension, Path(path).suffix.lower()
+    if suffix and suffix != extension and {suffix, extension} != {".yml", ".yaml"}:
         raise OptionError(
-            f"{Path(path).name} does not have the extension of the format {format}, {wanted}", argument=argument,
+            f"{Path(path).name} does not have the extension of the format {format}, {extension}", argument=argument,
             got=str(path),
-            advice=f"Name the file {Path(path).with_suffix(wanted).name}, or choose another {{--format}}.",
+            advice=f"Name the file {Path(path).with_suffix(extension).name}, or choose another {{--format}}.",
         )  # fmt: skip
 
 

@@ -181,8 +181,8 @@ class JsonNumbers(Exporter):
 
 
 def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    found = calibration.axes[axis]
-    fit, wv = found.fit, found.fit.wavelet_variance
+    axis_calibration = calibration.axes[axis]
+    fit, wv = axis_calibration.fit, axis_calibration.fit.wavelet_variance
     units = fit.model.units(wv.unit or "u")
     return {
         "model": fit.model.structure,
@@ -190,11 +190,11 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
         "samples": wv.samples,
         "unit": wv.unit,
         "parameters": {
-            name: {"value": value, "interval": found.intervals.get(name), "unit": units[name]}
+            name: {"value": value, "interval": axis_calibration.intervals.get(name), "unit": units[name]}
             for name, value in fit.parameters.items()
         },
-        "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
-        "bias": None if found.rest is None else found.rest.to_dict(),
+        "datasheet": [entry.to_dict() for entry in axis_calibration.datasheet.entries],
+        "bias": None if axis_calibration.rest is None else axis_calibration.rest.to_dict(),
         "filter": _filter(axis, calibration, options),
         "matrices": axis_matrices(axis, calibration, options) if has_matrices(fit.model, wv.rate) else None,
     }
