@@ -59,7 +59,7 @@ class Session:
     curve: Curve = "classical"
     view: ViewName = "allan"
     units: UnitSystem = "datasheet"
-    rule: Rule | None = None  # how the exported file combines the axes of a sensor; None for that of the format
+    rule: Rule | None = None  # how the exported file combines the axes of a sensor; None for the rule of the format
     inflation: float = 1.0
     horizon: float = DEFAULT_HORIZON_S  # time between corrections from other sensors (s)
     export: str = "kalibr"  # format of the exported file

@@ -182,7 +182,7 @@ class BudgetAxis:
     rate: float  # Hz
     # the estimated parameters and their covariance; None if the values were given, or have no standard errors
     curve: FitCurve | None = None
-    wavelet_variance: WaveletVariance | None = None  # that of the recording; None if the values were given
+    wavelet_variance: WaveletVariance | None = None  # the curve of the recording; None if the values were given
     longest: float = np.inf  # longest averaging time (s) of the recording; infinite if the values were given
 
     @classmethod
