@@ -269,7 +269,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins below the
     threshold follow until one has no clear surplus. The choice has a fixed seed."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
-    if not np.isfinite(threshold):
+    if not np.isfinite(threshold) or not deviation.size:
         return chosen
     from scipy.special import stdtrit
 
