@@ -1,11 +1,7 @@
 """Iteration of weights and estimate until they agree.
 
-Each iteration computes weights from the exact covariance of ν̂² under the fitted model, and fits the model with these
-weights. Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too
-large a weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate
-that is optimal for its own weights solves Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at
-the true parameters.
-"""
+Weights from the data bias all estimates: a level that is low by chance gets too much weight. Weights from the exact
+covariance under the fitted model do not, as Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ has mean zero at the truth."""
 
 from __future__ import annotations
 
@@ -118,8 +114,7 @@ def settle(
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, its solution, the relative change of the curve in the last and, as `expected`, in
-    the next iteration, and the `reason` why the model gives no weights."""
+    """Iterated problem and solution, last and `expected` change, and the `reason` for a model without weights."""
 
     problem: Problem
     solution: Solution
@@ -218,9 +213,8 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Anderson mixing of the logarithms of the parameters. An iteration maps the parameters x of a model to the
-    estimates g with its weights. The next model is the combination of the last estimates whose residual g − x would be
-    smallest if the map were linear (Anderson 1965, J. ACM 12, 547-560)."""
+    """Anderson mixing of log parameters: the next model combines the last estimates g of x so that g − x would be
+    smallest for a linear map (Anderson 1965, J. ACM 12, 547-560)."""
 
     def __init__(self) -> None:
         self.given: dict[str, float] = {}
@@ -256,9 +250,8 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model. With the data `observed`, V is scaled
-    from the curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000), with η degrees of freedom. Raises ModelError if the model has
-    no noise at some level, and MissingTheoryError if the covariance of a process is unknown."""
+    """Compute 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model; data `observed` rescale V from ν² to ν̄² = (ην̂²
+    + 1000ν²)/(η + 1000). Raises ModelError at a level without noise."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)

@@ -17,8 +17,7 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.validation import require_values
 
 DRAWN_SAMPLES = 1 << 17
-"""Number of samples of each process that are drawn at once. They take 1 MiB and fit into the cache, and the overhead of
-Python is small. The number must not depend on the machine, because the simulated paths depend on it."""
+"""Samples of each process that are drawn at once (1 MiB, in the cache); paths depend on this number."""
 
 
 def simulated_variances(
@@ -66,8 +65,7 @@ def simulated_variances(
 
 
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
-    """Fill `rows` with the wavelet variances of the first paths of a batch, which is drawn completely: paths depend on
-    its size."""
+    """Fill `rows` with variances of the first paths of a batch, drawn completely: paths depend on its size."""
     deepest = int(design.levels[-1])
     rows_of_levels = np.searchsorted(design.filter.numbers(deepest), design.levels)
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]

@@ -185,8 +185,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Return the coordinates after each free process in turn was optimised until none changes. This finds the
-    frequencies of several lines, whose narrow bands the points of a joint scan miss."""
+    """Return coordinates after optimising each free process in turn: joint scans miss several narrow bands."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
     # Largest number of rounds in which each process in turn is moved to the best point of its scan.
@@ -276,8 +275,7 @@ def _even(count: int, size: int) -> Matrix:
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:
-    """Return the random draw whose wavelet variance is closest to the data; `spread` = (max x − min x)/N scales
-    drifts."""
+    """Return the random draw closest to the data; `spread` = (max x − min x)/N scales drifts."""
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
     occasion = _occasion(wv, spread, sampled.draws, rng)
@@ -316,8 +314,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Run Algorithms 1 and 2 of Balamuta et al.: the process that dominates two levels, and the condition of each
-    draw."""
+    """Run Algorithms 1 and 2 of Balamuta et al.: the process that dominates two levels, and each draw's condition."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

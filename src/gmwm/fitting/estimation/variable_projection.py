@@ -1,9 +1,7 @@
 """Local optima of problems that have processes with several shape parameters, by variable projection.
 
-Non-negative least squares eliminates the scales. The objective is then a function of the coordinates of all shapes, and
-its gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
-Levenberg-Marquardt steps lead to a minimum, and Newton steps then give all digits.
-"""
+Non-negative least squares eliminates the scales, which leaves an objective of all shapes with known gradient (Golub and
+Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432). After Levenberg-Marquardt, Newton steps give all digits."""
 
 from __future__ import annotations
 
@@ -99,8 +97,7 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class ShapePoint:
-    """Point in the space of all shapes: branches and coordinates u of the curved processes, then coordinates of the
-    free ones."""
+    """Point of all shapes: branches and coordinates u of the curved processes, then of the free ones."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -108,8 +105,7 @@ class ShapePoint:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Smallest objective for given shapes, with the non-negative weights and the unit vectors of all processes.
-    `lengths` are those of the weighted curves of curved and free processes, and `residual` is what the sum leaves."""
+    """Smallest objective of given shapes, with weights, unit vectors and `lengths` of the weighted curves."""
 
     objective: float
     point: ShapePoint
@@ -179,8 +175,7 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes with fixed free ones, without those whose wavelet variance is
-        zero."""
+        """Return the search for the curved processes with the free ones fixed, without those of zero variance."""
         problem, curves = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(curves > 0, axis=1)
@@ -195,8 +190,7 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, for constant
-        lengths. A point keeps them, because a search often begins where another one has ended."""
+        """Return the derivatives (d, J) of Σ weight · unit vector at constant lengths, kept for later searches."""
         if (known := found.__dict__.get("_slopes")) is None:
             known = found.__dict__["_slopes"] = freeze(self._slopes(found))
         return cast(Matrix, known)
@@ -288,9 +282,8 @@ class Surface:
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpen(self, best: Projection, curvature: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton steps, and the last second derivatives. They are kept, from `curvature` of
-        slightly different weights on, until the steps converge slowly. Steps that increase the objective are
-        rejected."""
+        """Return the optimum after Newton steps, and the last second derivatives, kept from `curvature` until steps
+        converge slowly. Steps that increase the objective are rejected."""
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(15):
             gradient = -self.slopes(best) @ best.residual
@@ -328,8 +321,7 @@ class Surface:
         return best, curvature
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian for the coordinates in `able`, by differences of gradients; None unless positive
-        definite."""
+        """Return the Hessian for coordinates `able`, by differences of gradients; None unless positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None

@@ -23,8 +23,7 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 
 def usual_weighting(model: Model, wv: WaveletVariance | None = None) -> Literal["diagonal", "optimal"]:
-    """Return the default weighting, "optimal" if a process has several free shape parameters
-    (docs/validation/weighting.md) or if the curve has moments at lags."""
+    """Return "optimal" for several free shapes (docs/validation/weighting.md) or moments at lags, else "diagonal"."""
     several = (wv is not None and bool(np.any(wv.levels < 0))) or any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
@@ -38,8 +37,7 @@ def sampling_variance(wv: WaveletVariance) -> Vector:
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model: "diagonal" is 1 / `sampling_variance`, a vector
-    the diagonal. Raises DataError if a variance is zero or overflows, and OptionError for an invalid matrix."""
+    """Return Ω (J, J), unit⁻⁴, without a model: 1 / `sampling_variance`, or a given diagonal or matrix."""
     size = len(wv)
     if isinstance(weighting, str):
         if weighting == "identity":
@@ -110,8 +108,7 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
 
 
 def precision(covariance: Matrix) -> Matrix:
-    """Return the inverse of a covariance V (J, J), scaled to unit diagonal first. Eigenvalues below the rounding error
-    are replaced by it. Raises ModelError if the variance of a level is zero."""
+    """Return V⁻¹, scaled to unit diagonal, with eigenvalues above rounding; ModelError if a variance is zero."""
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise ModelError(
@@ -144,8 +141,7 @@ class Weights:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Return the upper triangular Cholesky factor L with LᵀL = Ω, from Ω scaled to unit diagonal; OptionError unless
-    positive definite."""
+    """Return the upper Cholesky factor L, LᵀL = Ω, of unit diagonal first; OptionError unless positive definite."""
     diagonal = np.diag(matrix)
     if np.all(diagonal > 0):
         scale = np.sqrt(diagonal)

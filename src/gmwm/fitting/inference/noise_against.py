@@ -240,8 +240,7 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: Booleans) -> tuple[list
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> Booleans:
-    """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
-    coefficient."""
+    """Return the levels (J,) with enough degrees of freedom and nearly constant condition in a coefficient."""
     # Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md).
     least_freedom = 30.0
     mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
@@ -277,8 +276,7 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[Integers, Vector
 
 
 def _slope(counts: Integers, sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the standard deviation per unit of the condition at one level, and the standard
-    deviation of the condition over the parts."""
+    """Return a level's relative change of spread per unit of the condition, and the condition's spread."""
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0

@@ -1,9 +1,7 @@
 """Log-likelihood and maximum-likelihood fit of a model: `Model.loglikelihood` and `gmwm.fit_ml`.
 
-Coefficients of conditions (such as temperature) follow from generalised least squares with the covariance of the fitted
-noise model. Like the level of the recording, they have a flat prior and are integrated out. The result is the
-restricted likelihood (REML), which accounts for the degrees of freedom that the regression columns use.
-"""
+Coefficients of conditions (generalised least squares) and the level have a flat prior and are integrated out. This
+restricted likelihood (REML) accounts for the degrees of freedom of the columns."""
 
 from __future__ import annotations
 
@@ -58,8 +56,7 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample; raises DataError or OptionError if a covariate cannot be
-        used."""
+        """Compute the regression columns at every sample; raise errors for covariates that cannot be used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)

@@ -1,9 +1,5 @@
-"""Residuals of a model, and the comparison of models by the errors of their predictions of samples that the fit has not
-used.
-
-Residuals are the standardised innovations of the Kalman filter. If the model is right, they are white and normally
-distributed with variance 1.
-"""
+"""Residuals (standardised Kalman innovations, white normal with variance 1 if the model is right), and comparison of
+models by prediction errors of new samples."""
 
 from __future__ import annotations
 

@@ -17,8 +17,7 @@ from gmwm.fitting.likelihood.problem import LikelihoodPoint, LikelihoodProblem
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
-    are the free coordinates; `at_end` has shape coordinates at their lower (−1) or upper bound (1)."""
+    """Local maximum at `z` (q,), −inf for a zero scale; `active` coordinates are free, `at_end` is ±1 at bounds."""
 
     z: Vector
     active: tuple[int, ...]
@@ -32,9 +31,8 @@ Progress = Callable[[int, float], None]
 
 
 class LikelihoodSearch:
-    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`.
-    `progress` is called with the number of evaluations and the log-likelihood. `revive` tries to add terms that became
-    zero."""
+    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`;
+    `revive` tries to add terms that became zero."""
 
     def __init__(
         self,
@@ -94,8 +92,7 @@ class LikelihoodSearch:
         return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, LikelihoodPoint | None, bool]:
-        """Climb by steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ) until the expected
-        increase is negligible."""
+        """Climb by d = (I + μ diag I)⁻¹ g (gradient, information, damping) to a negligible expected increase."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -208,9 +205,8 @@ class LikelihoodSearch:
         return z
 
     def _back(self, z: Vector, now: LikelihoodPoint, term: int) -> tuple[Vector, LikelihoodPoint, bool] | None:
-        """Return the maximum with a term added that was zero, if the likelihood increases. From a negligible scale, the
-        expected increase is g²/2I, with gradient g and information I. The whole range of one shape parameter is
-        tried."""
+        """Return the maximum with a zero term added, if better: expected increase g²/2I, gradient g, information I,
+        over the whole range of one shape parameter."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None

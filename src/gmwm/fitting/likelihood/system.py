@@ -1,10 +1,7 @@
 """State-space matrices of a model for the Kalman filter, their derivatives, and regressors for unknown levels.
 
-Unknown quantities without a probability distribution are coefficients of regressors. One is the constant level of the
-recording (an offset or gravity), which includes the initial value of a random walk. Another is the slope of a drift.
-The coefficients follow from least squares after the filter has run. The result is the same as with an infinite prior
-variance.
-"""
+Unknowns without a distribution, the level (with a walk's initial value) and the slope of a drift, follow from least
+squares after the filter has run, as for an infinite prior variance."""
 
 from __future__ import annotations
 

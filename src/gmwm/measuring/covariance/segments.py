@@ -11,13 +11,11 @@ from gmwm.base.arrays import Matrix
 from gmwm.measuring.covariance.design import Design
 
 EXACT_LENGTHS = 64
-"""Largest number of different segment lengths that are computed individually. For more lengths, results are
-interpolated."""
+"""Largest number of different segment lengths that are computed individually; more are interpolated."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) for independent segments with M_sj coefficients of level j.
-    `alone` returns V_s (J, J) for the design of a segment, or its diagonal; segments of equal length share it."""
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) of independent segments; `alone` returns V_s or its diagonal."""
     counts, total = design.counts, None
     for length, times in lengths_of(design.lengths):
         segment = design.segment(length, counts)

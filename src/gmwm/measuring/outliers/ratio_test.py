@@ -1,7 +1,4 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes.
-
-Another test tells whether a robust wavelet variance depends on its efficiency because of too many outliers.
-"""
+"""Test for outliers by the ratio of classical to robust variance, by bursts and by spikes."""
 
 from __future__ import annotations
 
@@ -72,8 +69,7 @@ LOW, HIGH = 0.6, 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Dependence(Documented):
-    """Two robust variances of the same scale `tau` (s) that differ by more than chance explains. `efficiency` and
-    `value` are those of the fitted curve, the others those of the curve that it is compared with."""
+    """Two robust variances at `tau` (s) that differ by more than chance; `value` is that of the fitted curve."""
 
     tau: float
     efficiency: float
@@ -122,11 +118,10 @@ LEAST_FREEDOM = 30.0
 """Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
 ratio is not known well enough (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
-"""Shares of zero coefficients at a level above which the level, or every level, is not tested.
+"""Shares of zero coefficients at which a level, or every level, is not tested: steps of 1.5 and 2.1 σ of white noise.
 
-In white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the first one, the ratio
-depends by up to 15 % on the position of the mean between two steps; above the second one, at every level, because the
-mean drifts from step to step (docs/validation/contamination-test.md)."""
+From there on, the position of the mean between steps changes the ratio of the level by up to 15 %, or that of every
+level, as the mean drifts from step to step (docs/validation/contamination-test.md)."""
 TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""

@@ -37,8 +37,7 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points(FrozenArrays):
-    """Means of an axis over parts (m,), before and after the effect is subtracted, against the first covariate (time in
-    hours)."""
+    """Means of an axis over parts (m,), with and without the effect, against the first covariate (time in hours)."""
 
     at: Vector
     before: Vector

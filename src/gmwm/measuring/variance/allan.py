@@ -308,12 +308,11 @@ def _bias(alphas: Integers) -> Vector:
 
 
 def total_degrees_of_freedom(alphas: Integers, clusters: Integers, points: int) -> Vector:
-    """Compute the equivalent degrees of freedom of the total variance, at least 1. For white, flicker and random-walk
-    noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per cluster, they are reduced by the same
-    factor as those of the overlapping Allan variance. For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r +
-    140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm, and its term 64/r² comes from the
-    end values. For flicker PM, simulations support the degrees of freedom of the overlapping Allan variance up to τ =
-    T/4, and proportionality to T/τ beyond."""
+    """Compute the edf of the total variance, ≥ 1: b T/τ − c for rate noise (Howe and Greenhall).
+
+    Few samples per cluster reduce them as for the overlapping Allan variance. White PM has 72 (1 + 4/(3r))² / (64/r² +
+    (320/r + 140)/N), r = T/τ, derived for gmwm to leading orders; 64/r² is from end values. Flicker PM has those of the
+    Allan variance up to τ = T/4, then ∝ T/τ (simulations)."""
     # Number of samples per cluster that represents a recording in continuous time.
     fine = 1024
     intervals = points - 1
