@@ -104,8 +104,7 @@ def recognise(name: str) -> ColumnName:
 
 
 def _without_bracket(text: str) -> tuple[str, str]:
-    """Split a name into the name without its bracket, and the text in the bracket. A bracket within a name counts if it
-    holds a unit."""
+    """Split a name and its bracket; a bracket within the name counts if it holds a unit."""
     if bracket := _BRACKETED.search(text):
         return text[: bracket.start()], bracket.group(1)
     within = _BRACKET_WITHIN.search(text)

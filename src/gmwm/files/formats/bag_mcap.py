@@ -1,9 +1,7 @@
-"""Read MCAP files, which ROS 2 records.
+"""Read MCAP files of ROS 2: records of kind (one byte), length (eight bytes) and content.
 
-A file is a sequence of records. A record has one byte for its kind, eight bytes for its length, and its content.
-Messages are records, either directly in the file or inside chunks, which may be compressed. Source: MCAP format
-specification, version 0 (mcap.dev/spec).
-"""
+Messages are records in the file or in chunks, possibly compressed. Source: MCAP format specification, version 0
+(mcap.dev/spec)."""
 
 from __future__ import annotations
 
@@ -189,8 +187,7 @@ class _Contents:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """Read a string that is stored after its length, and the position of its end. If not `strict`, invalid bytes are
-    replaced, because some encodings of schemas are not text."""
+    """Read a string after its length, and its end; unless `strict`, invalid bytes (schemas) are replaced."""
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length
     if end > len(content):

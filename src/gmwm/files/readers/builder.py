@@ -1,10 +1,8 @@
 """Build the samples of a recording from the rows of a file: in SI units, split at gaps, with a summary of all rows.
 
-Every row gets a temperature, by linear interpolation between the rows that have a reading, over the time stamps if they
-increase, and over the row numbers otherwise. Readings in rows without samples are used too. Rows before the first
-reading get the first reading. More than `MOST_ROWS_APART` rows without a reading get the last one before them. The
-result does not depend on how the rows are divided into chunks.
-"""
+Temperatures are interpolated between readings, also of rows without samples, by increasing time stamps or else row
+numbers. The first reading serves before it, and the last one for more than `MOST_ROWS_APART` rows without. Chunks have
+no effect."""
 
 from __future__ import annotations
 
@@ -160,8 +158,7 @@ class RowSummary:
 
 
 class SampleBuilder:
-    """Builds the samples of a recording from its rows, starting at any row. `first` is the number of the first row that
-    will be added, `lost_before` whether the row before it is lost. With `owned`, the arrays of the rows are changed in
+    """Builds samples from rows, from `first` on; `lost_before`: the previous row is lost; `owned` arrays are changed in
     place, which saves a copy."""
 
     def __init__(
