@@ -28,8 +28,7 @@ class Variance:
 
 @dataclass(frozen=True)
 class BiasTerms:
-    """The terms of a fit that are not estimated as zero, each with whether it is part of the bias (see `is_slow`).
-    `moving` says this of the process of each free parameter of the curve."""
+    """The nonzero terms of a fit, each with whether it is part of the bias (`is_slow`); `moving` is by parameter."""
 
     processes: tuple[tuple[Process, bool], ...]
     curve: FitCurve
@@ -46,12 +45,11 @@ class BiasTerms:
         return cls(processes, curve, tuple(moving), fit.wavelet_variance.without_lags)
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
-        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
-        stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
-        contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
-        noise, and stationary noise with a correlation time above T, contribute the Allan variance at T, half the
-        variance of the difference between the means of two successive recordings. Ramps are not noise. `span` includes
-        the samples that are missing in gaps; for each term, the larger of the variances for both lengths is used."""
+        """Compute the error variance of a recording's mean as an estimate of the constant bias.
+
+        Stationary noise contributes the variance of the mean, a random walk that minus the level at the end, K²T/3.
+        Flicker, power laws and noise slower than T contribute the Allan variance at T; ramps are no noise. `span`
+        includes gaps; each term has the larger variance of both lengths."""
         rate = self.curve.design.rate
 
         def of(process: Process) -> float:
@@ -76,12 +74,11 @@ class BiasTerms:
         return self._sum(of, fast=False)
 
     def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
-        """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
-        The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
-        negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
-        variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
-        With this mean, a random walk that is estimated as zero is not treated as absent. The mean is at most the limit
-        of `variance_limit`."""
+        """Add up the variances `of` the slow terms and, if `fast`, of the others.
+
+        The slow sum v ± s cannot be negative: a uniform prior for positive values gives the mean v + sλ and the
+        variance s²(1 − uλ − λ²), u = v/s, λ = φ(u)/Φ(u), up to `variance_limit`. So a walk estimated as zero is not
+        treated as absent."""
         total, square, limit, known = 0.0, 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:
@@ -116,8 +113,7 @@ class BiasTerms:
 
 
 def is_slow(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias: flicker, power-law noise, and noise slower than 1 s except
-    oscillations and ramps."""
+    """Return whether a process is part of the bias: flicker, power laws, or over 1 s without oscillations and ramps."""
     if process.oscillation() is not None or process.scale == 0:
         return False
     time = process.correlation_time(rate)

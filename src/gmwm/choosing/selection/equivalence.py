@@ -1,16 +1,12 @@
 """Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
 
-Recordings are simulated from the candidate. The candidate is equivalent if, in more than 5 % of these recordings, its
-criterion exceeds the smallest criterion by at least as much as in the data.
+It is if, in over 5 % of recordings simulated from it, its criterion exceeds the smallest by at least as much as in the
+data.
 
-A simulated recording consists only of its wavelet variances. They have a chi-square distribution at each level and the
-covariance V that the candidate implies. The covariance of a larger model would give too much weight to levels with
-small measured variances. The fit of the candidate to a simulated recording is computed by first-order theory.
-
-The rivals in each simulated recording are all models with one more term. To bound all models with several more terms,
-the test uses the best sum of any number of processes, with the penalty of two parameters. The test thus takes into
-account that the smallest of many criteria is chosen.
-"""
+Simulated wavelet variances are chi-square at each level, with the candidate's covariance V: a larger model's would
+weigh low levels too much. Its fit is computed by first-order theory. Rivals are all models with one more term, and, to
+bound several more, the best sum of any processes with the penalty of two parameters. So the test accounts for the
+choice of the smallest of many criteria."""
 
 from __future__ import annotations
 
@@ -37,12 +33,10 @@ from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
 REJECTED_DIFFERENCE = 100.0
-"""A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
-one by more than this."""
+"""Criterion difference with the common Ω that rejects a candidate without another fit, to save time."""
 
 QUANTILE_DEGREE = 72
-"""Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
-(tests/selection/test_equivalence.py)."""
+"""Degree of polynomials for chi-square quantiles: error ≤ 1e-12 of the mean (tests/selection/test_equivalence.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,8 +113,7 @@ class Hypothesis:
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of weighted curves of processes to add; the number of those without shape, which are
-        first."""
+        """Unit vectors (n, J) of weighted curves to add, and the number of those without shape, which are first."""
         shapes, linear = self.explored.columns
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
@@ -188,8 +181,7 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether more than the share `size` of the simulated recordings has as large a difference to the smallest
-    criterion."""
+    """Return whether over `size` of the simulated recordings differ as much from the smallest criterion."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
@@ -222,8 +214,7 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
-    """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
-    degree `QUANTILE_DEGREE`."""
+    """Return χ²_η/η quantiles (B, J) of normal scores, by Chebyshev polynomials of degree `QUANTILE_DEGREE`."""
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
@@ -259,8 +250,7 @@ def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison
 
 
 def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference of the losses of two fits, with Ω and V of the ranking; see
-    `compare`."""
+    """Compute the standard error of the difference of two fits' losses, with Ω and V of the ranking; see `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
     axes = [axes_of(fit, root) for fit in (first, second)]
