@@ -166,16 +166,12 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
 
 TIMES = (1.0, 10.0, 60.0)  # times (s) over which the predictions of the filters are compared
 LARGE_LOSS = 1.2
-"""Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
-tests/exporters/test_quality.py."""
+"""Loss at the longest time that advises a filter with more states, a convention (tests/exporters/test_quality.py)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """RMS error of the predicted mean over a time: over that of the filter of the full model, and stated over real.
-
-    `loss` is None if the full model has no filter.
-    """
+    """RMS error of a mean over that of the full model's filter (None without one), and stated over real error."""
 
     loss: float | None
     claim: float
@@ -201,8 +197,7 @@ def _quality(axis: AxisNoise, time: float) -> Quality:
 
 
 def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
-    """Return a sentence for each sensor on the loss of N and K against the full model, and on their stated error, each
-    for the axis where it is worst."""
+    """Return sentences on each sensor's loss against the full model and stated error, for its worst axis."""
     lines, holds, times, large = [], [], "/".join(f"{time:g}" for time in TIMES), False
     for sensor in sensors:
         axes = [axis for axis in sensor.axes if axis.N.value > 0]

@@ -1,8 +1,6 @@
-"""Description of a plot as plain data: a Figure has rows of Panels, and a Panel has two Axes and several Marks.
+"""Plain description of a plot: a Figure has rows of Panels, and a Panel two Axes and several Marks.
 
-This module does not depend on a drawing library. The renderers for Matplotlib and Plotly draw a Figure and make no
-further decisions about its content. All positions are in the units of the axis labels.
-"""
+The renderers for Matplotlib and Plotly make no further decisions. Positions are in the units of axis labels."""
 
 from __future__ import annotations
 

@@ -67,10 +67,7 @@ def shared_name(process: Process, rate: float) -> str:
 
 
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
-    """Return a term with its key parameters, as readable text.
-
-    The text has two parameters at most. Variances are given as standard deviations in the unit of the plot, rates as
-    correlation times, and the power of a sinusoid as its amplitude.
+    """Return a term with at most two key parameters: standard deviation, correlation time or amplitude.
 
     >>> from gmwm.processes import GM, SIN
     >>> view = View("allan", "rad/s", 1.0)
@@ -132,8 +129,7 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """Format the estimate of a parameter with symbol and unit. A variance is given as its square root, and a rate as
-    its inverse. A frequency has no symbol."""
+    """Format an estimate: a variance as its root, a rate as its inverse, a frequency without symbol."""
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
         if not parameter.symbol.endswith("²"):
@@ -182,11 +178,9 @@ def model_text(terms: Iterable[str]) -> str:
 
 
 ViewName: TypeAlias = Literal["auto", "wavelet", "allan"]
-"""Quantity of a plot: the wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time
-τ/2. "auto" is the Allan deviation if the filter is Haar's, otherwise the wavelet variance."""
+"""Wavelet variance ν² over τ, or Allan deviation √(2ν²) over τ/2; "auto" is the latter for Haar's filter."""
 UnitSystem: TypeAlias = Literal["auto", "si", "datasheet"]
-"""Unit system of a plot: rad/s and m/s², or deg/h and mg. "auto" is deg/h and mg for an Allan deviation of data in a
-unit of angular rate or acceleration, otherwise SI."""
+"""rad/s and m/s², or deg/h and mg; "auto" is the latter for Allan deviations of rates and accelerations."""
 
 DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
 """Unit of an Allan deviation on datasheets, for gyroscopes and for accelerometers."""
@@ -207,9 +201,8 @@ class View:
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data. The
-        position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2 is
-        twice the Haar wavelet variance at the scale τ."""
+        """Return the position of ν² (data's unit squared): itself, or √(2ν²), as the Allan variance at τ/2 is twice the
+        Haar variance at τ."""
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
             return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)
@@ -246,10 +239,7 @@ class View:
 
 
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of data in `unit`, with the quantity `view` and the unit system `units`.
-
-    "auto" is the Allan deviation in datasheet units. A unit that is neither of an angular rate nor of an acceleration
-    is kept. Raises OptionError for it if `units` is "datasheet", and if `view` or `units` is unknown.
+    """Return the view of data in `unit`; "auto" is the Allan deviation in datasheet units, and other units are kept.
 
     >>> view_of("deg/s", "wavelet", "si").height_label
     'Wavelet variance (rad²/s²)'

@@ -58,8 +58,7 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
 def spectrum_panel(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_spectrum` draws. If `alone` is False, several panels share the legend. Then it names
-    neither frequencies nor the model."""
+    """Return `plot_spectrum`'s panel; if not `alone`, the shared legend names neither frequencies nor the model."""
     shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     unit, factor = density_unit(shown.unit, units)
     f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
@@ -89,8 +88,7 @@ def _frequency_axis(frequencies: Vector) -> Axis:
 
 
 def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Polyline]:
-    """Return curves of the one-sided root density of a model and of each term. A sinusoid is a symbol at the root
-    density that its peak would have in this spectrum."""
+    """Return the one-sided root density of a model and its terms; a sinusoid is a symbol at its peak here."""
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)

@@ -1,7 +1,4 @@
-"""Colours, dashes and symbols that colour-blind readers can distinguish (Okabe and Ito, 2008), also in greyscale.
-
-Two curves of a panel never differ by colour alone: their dashes or symbols differ as well.
-"""
+"""Colours, dashes and symbols for colour-blind readers (Okabe and Ito, 2008) and greyscale; no colour differs alone."""
 
 from __future__ import annotations
 
@@ -88,13 +85,11 @@ def term_stroke(index: int) -> Stroke:
 
 
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
-    """Return the stroke of each term of a model. If possible, a term has the same stroke in all models and plots.
+    """Return the stroke of each term, the same in all models and plots if possible.
 
-    The processes for inertial sensors come first in the registry. Their stroke depends on their position there, and
-    on the number of the term if a model can contain the process several times. The stroke of any other process depends
-    on its name, but not on the other processes in the registry. In a model without WN, an AR, MA or ARMA process has
-    the stroke of WN. If another term of the model already has this stroke or its dash, the next free stroke is used. Up
-    to nine terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
+    Inertial processes come first, by place in the registry and number of the term; others by name. Without WN, an AR,
+    MA or ARMA process has its stroke. If a stroke or dash is taken, the next free one is used. Up to nine terms differ
+    in both colour and dash; parametrisations of a process share a stroke.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> first, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
@@ -126,8 +121,7 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _stroke_numbers() -> dict[str, int]:
-    """Return the stroke numbers of the processes for inertial sensors: the four that a model contains once, the first
-    that it may repeat, then those of `_NEXT`."""
+    """Return stroke numbers of inertial processes: four single ones, the first that may repeat, then `_NEXT`."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -135,8 +129,7 @@ def _stroke_numbers() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """Return an unused stroke of `_FURTHER`, searched from position `start` on. A stroke with an unused dash is
-    preferred, and among these a stroke with an unused colour."""
+    """Return an unused stroke of `_FURTHER` from `start` on, preferably with an unused dash, then colour."""
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
     dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}
