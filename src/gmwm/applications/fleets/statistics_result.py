@@ -44,15 +44,13 @@ def looked_for(count: Vector) -> Integers:
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
     """Remove the farthest unit repeatedly, and test each removed unit against the remaining ones.
 
-    For unit i with the estimate x_i and the standard error s_i (NaN in x is a missing estimate), the test statistic is
+    For unit i with the estimate x_i (or NaN) and the standard error s_i, the test statistic is
 
-        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i².
+        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i²,
 
-    Here μ̂_{−i} and τ̂²_{−i} are the mean and variance between the remaining units. The statistic has about a t
-    distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The unit is the farthest of n, so its
-    p-value is multiplied by n. It is then replaced by the smallest p-value of this unit and the units removed later:
-    all units up to the last significant one are outliers. If all s_i are zero, this is Rosner's generalised ESD
-    procedure (1983, Technometrics 25, 165-172) with ν_i = n − 2."""
+    with mean and variance between the remaining units, about t with ν_i ≤ n − 2 (Satterthwaite). p-values are
+    multiplied by n, for the farthest, then replaced by the smallest of later removals: all up to the last significant
+    one are outliers. With s_i = 0 it is Rosner's generalised ESD procedure (1983, Technometrics 25, 165-172)."""
     remaining = np.array(x, dtype=np.float64)
     tested = looked_for(np.isfinite(remaining).sum(axis=-1))
     shape = (remaining.shape[0], int(tested.max(initial=0)))

@@ -182,8 +182,7 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block. Bursts
-    of noise make the shape of larger groups smaller."""
+    """Yield Gamma shapes 1/Var of mean squares of 1, 2, 4, … blocks, per block; bursts make later ones smaller."""
     together = 1
     while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
@@ -192,8 +191,7 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
-    """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
-    the segments."""
+    """Return mean squares of standardised Haar coefficients of m block sums each, in blocks within segments."""
     long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
     if not long:
         return np.zeros(0)

@@ -108,9 +108,8 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """The parameter values from which the weights of the next round are computed. They are extrapolated from the
-    estimates of the last two rounds by the secant method (Anderson 1965, Iterative procedures for nonlinear integral
-    equations, J. ACM 12, 547-560, with one step of memory)."""
+    """Parameters for the weights of the next round, extrapolated from two rounds by the secant method (Anderson 1965,
+    Iterative procedures for nonlinear integral equations, J. ACM 12, 547-560, one step of memory)."""
 
     u: Vector  # (K,) search coordinates of the shapes
     sigmas: Matrix  # (P, d, d) covariance matrices of the terms
@@ -252,10 +251,8 @@ class Errors:
 
 
 def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
-    """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
-    estimates with respect to the moments. Estimated matrices may be singular. The estimates then vary only in
-    directions that keep the rank of each matrix; with `inside`, all entries vary, as without the condition that the
-    matrices are positive semidefinite."""
+    """Return B V Bᵀ of the estimates, V of the moments, B the derivatives by moments. Singular matrices vary only in
+    directions that keep their rank, or, with `inside`, in all entries."""
     problem, estimate = settled.problem, settled.estimate
     blocks = problem.blocks(problem.shapes(estimate.u))
     bases = tuple(
@@ -302,10 +299,9 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: JointSolution) -> GoodnessOfFit:
-    """Compute the goodness-of-fit test of the model. The moments of coarse levels are skewed, so the variance of the
-    statistic is larger than that of a chi-square variable. For η independent coefficients of d signals, S = W/η has a
-    Wishart distribution, and the part (η/2) tr(S − I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) +
-    d(2d² + 5d + 5)/η. The estimated parameters reduce this part by the mean leverage h_j of the level."""
+    """Compute the goodness-of-fit test. Coarse moments are skewed: for η coefficients of d signals, S = W/η is Wishart,
+    and (η/2) tr(S − I)² has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η, less the mean leverage
+    h_j of the level."""
     problem = settled.problem
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.
