@@ -1,8 +1,5 @@
-"""Errors and warnings of gmwm.
-
-An error states what happened, the argument that caused it, what was expected, what was given, and what to do. Its text
-is made for Python users, with arguments as `rate=`, or for the shell, with options as `--rate`.
-"""
+"""Errors and warnings: what happened, the argument, what was expected and given, and what to do, for Python users
+(`rate=`) or for the shell (`--rate`)."""
 
 from __future__ import annotations
 

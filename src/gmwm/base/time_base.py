@@ -64,15 +64,10 @@ def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]
 
 
 def lost_samples(late: ArrayLike, rate: float) -> NDArray[np.int64]:
-    """Return the number of samples lost in gaps. All parts of gmwm count them with this function.
+    """Return the number of samples lost in gaps, for all parts of gmwm.
 
-    Parameters
-    ----------
-    late : array of float
-        For each gap, the time (s) from the end of the last sample's interval to the sample after the gap. It is
-        negative if the clock was set back; then no sample is lost, and the result is negative too.
-    rate : float
-        Samples per second (Hz).
+    `late` (s) is from the last sample's interval to the next sample, negative as is the result if the clock was set
+    back.
 
     >>> lost_samples([0.02, -3.0], 100.0).tolist()
     [2, -300]
@@ -97,9 +92,7 @@ def lost_before(rate: float, segments: ArrayLike, starts: ArrayLike) -> NDArray[
 
 
 def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """Return the start time of each segment in seconds from the first sample, never before the end of the previous one.
-
-    If the clock was set back, the segment starts one interval after the last sample before it.
+    """Return segments' starts (s) from the first sample, one interval after the previous one if the clock was set back.
 
     >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
     [0.0, 5.0, 9.0]

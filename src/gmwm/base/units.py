@@ -65,8 +65,7 @@ _UNITS = (
 SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity
 
 IMPOSSIBLE = 1e12
-"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
-measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
+"""Value (rad/s, m/s²) that no sensor exceeds, a choice: shock sensors have 2e6 m/s², unscaled counts 2e9."""
 
 
 def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
@@ -261,8 +260,7 @@ _SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
 
 
 def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
-    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to it: 1 for
-    an unknown unit. The power is 1, ½, 0, −½ or −1, from quantization noise to ramps; `empty` replaces the unit "".
+    """Return the SI unit of (unit of the signal) · s^`time_power`, and the factor to it; `empty` replaces "".
 
     >>> noise_unit(0.5, "rad/s")
     ('rad/s/√Hz', 1.0)
