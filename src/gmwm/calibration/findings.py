@@ -179,7 +179,7 @@ def _of_axis(
         yield Remark.of("walk-or-markov", axis, case="equivalent", time=Quantity(time, "s"))
     white, walk = (axis_calibration.datasheet.get(symbol) for symbol in OF_FILTER)
     if white is not None and walk is not None and not (white.upper_only or walk.upper_only):
-        time = true_times(axis_calibration.fit, white.value, walk.value)[1]
+        time = true_times([axis_calibration.fit], white.value, walk.value)[1]
         if time < math.inf:
             yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:
