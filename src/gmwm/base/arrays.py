@@ -167,8 +167,8 @@ def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     >>> runs_of(np.array([True, False, True, True])).tolist()
     [[0, 1], [2, 4]]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return np.asarray(edges.reshape(-1, 2), dtype=np.int64)
+    padded = np.concatenate([[False], flags, [False]])
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:

@@ -169,7 +169,7 @@ def _together(means: Vector) -> tuple[list[float], float]:
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
     places, best, y = list[float](), (list[float](), 0.0), means
     while len(places) < MOST - 1:
-        values = Likelihood(y).with_steps(np.array([0]), slice(_FIRST - 1, means.size - _FIRST))[0]
+        values = Likelihood(y).with_steps(np.array([0]), _FIRST, means.size - _FIRST)[0]
         place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
         if any(abs(place - other) < 1 for other in places):
             break

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.inspection.knocks import level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.wander import CourseProfile, Likelihood
+from gmwm.measuring.inspection.wander import CoursePairs, CourseProfile, Likelihood, waves_of
 from gmwm.measuring.spectrum.line import Line
 
 Kind = Literal["exponential", "linear", "quadratic"]
@@ -135,7 +135,7 @@ class TrendTest:
         lines = likelihood.transform(np.vstack([at, at**2]))
         self._exponential = CourseProfile(decays.values[:, [j]], decays.squares[:, [j]])
         self._line, self._lines = likelihood.with_one(lines[:1]), lines
-        self._parabola = likelihood.with_two(lines[0], lines[1])
+        self._parabola = likelihood.with_pairs(CoursePairs.of(likelihood.grid.weights, lines[:1], lines[1:]))
         base = np.min(self._none.values)
         gains: dict[Kind, float] = {
             "exponential": float(base - np.min(self._exponential.values)) - _EXTRA,
@@ -256,15 +256,11 @@ class SwingFit(NamedTuple):
 
 def best_swing(likelihood: Likelihood) -> SwingFit:
     """Return the sinusoid that describes block means best, in addition to noise."""
-    size = likelihood.z.size + 1
-    at = 2 * np.pi * (np.arange(size) + 0.5) / size
-    base = float(np.min(likelihood.without().values))
-    fits = []
-    for periods in _PERIODS.tolist():
-        courses = likelihood.transform(np.vstack([np.cos(periods * at), np.sin(periods * at)]))
-        values = likelihood.with_two(courses[0], courses[1]).values
-        fits.append(SwingFit(base - float(np.min(values)), periods, courses, int(np.argmin(values))))
-    return max(fits, key=lambda fit: fit.gain)
+    waves = waves_of(likelihood.z.size + 1, tuple(_PERIODS.tolist()))
+    values = likelihood.with_pairs(waves).values
+    model, k = np.unravel_index(np.argmin(values), values.shape)
+    gain = float(np.min(likelihood.without().values) - values[model, k])
+    return SwingFit(gain, float(_PERIODS[k]), np.vstack([waves.first[k], waves.second[k]]), int(model))
 
 
 def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Swing | None:

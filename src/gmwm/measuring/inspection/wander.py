@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Integers, Matrix, Vector
 
@@ -61,18 +63,38 @@ def grid_of(blocks: int) -> NoiseGrid:
     )  # fmt: skip
 
 
-def _steps(grid: NoiseGrid, places: slice) -> Matrix:
-    """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of each block."""
-    columns = grid.transform[:, places]
+@lru_cache(maxsize=8)
+def _steps(blocks: int, first: int, last: int) -> Matrix:
+    """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of the blocks `first` to `last`."""
+    columns = grid_of(blocks).transform[:, first - 1 : last]
     return np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
 
 
 @lru_cache(maxsize=2)
-def _steps_of(blocks: int, first: int) -> tuple[Matrix, Matrix]:
-    """Return the jumps except for the `first` and the last blocks, and Σ c²/λ (G, C) of each, which all axes share."""
-    grid = grid_of(blocks)
-    shapes = _steps(grid, slice(first - 1, blocks - first))
-    return shapes, grid.weights @ shapes**2
+def _squares(blocks: int, first: int) -> Matrix:
+    """Return Σ c²/λ (G, C) of the jumps except for the `first` and the last blocks, which all axes share."""
+    return grid_of(blocks).weights @ _steps(blocks, first, blocks - first) ** 2
+
+
+class CoursePairs(NamedTuple):
+    """Pairs of transformed courses c and s (P, n − 1), and Σ c²/λ, Σ c s/λ and Σ s²/λ (G, P) of each."""
+
+    first: Matrix
+    second: Matrix
+    squares: tuple[Matrix, Matrix, Matrix]
+
+    @classmethod
+    def of(cls, weights: Matrix, first: Matrix, second: Matrix) -> CoursePairs:
+        """Return pairs for noise models with these weights."""
+        return cls(first, second, (weights @ (first**2).T, weights @ (first * second).T, weights @ (second**2).T))
+
+
+@lru_cache(maxsize=2)
+def waves_of(blocks: int, periods: tuple[float, ...]) -> CoursePairs:
+    """Return the cosine and sine with each number of periods in the recording, which all axes share."""
+    grid, phase = grid_of(blocks), 2 * np.pi * np.outer(periods, np.arange(blocks) + 0.5) / blocks
+    cosines, sines = (np.diff(courses, axis=1) @ grid.transform for courses in (np.cos(phase), np.sin(phase)))
+    return CoursePairs.of(grid.weights, cosines, sines)
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
@@ -84,6 +106,14 @@ def _markov(transform: Matrix, time: float) -> Vector:
     i = np.arange(len(transform))
     covariance = of_differences[np.abs(i[:, None] - i)]
     return np.asarray(np.sum((transform @ covariance) * transform, axis=1))
+
+
+def _gram(weights: Matrix, courses: Matrix) -> NDArray[np.float64]:
+    """Return Σ a b/λ (G, p, p) of all pairs of transformed courses."""
+    rows, columns = np.triu_indices(len(courses))
+    gram = np.empty((len(weights), len(courses), len(courses)))
+    gram[:, rows, columns] = gram[:, columns, rows] = weights @ (courses[rows] * courses[columns]).T
+    return gram
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
@@ -128,41 +158,44 @@ class Likelihood:
         squares = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / squares)
 
-    def with_two(self, first: Vector, second: Vector) -> CourseProfile:
-        """Return the profile likelihood with two transformed courses together."""
-        weights, z = self.grid.weights, self.z
-        a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
-        u, v = weights @ (first * z), weights @ (second * z)
-        taken = (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2)
-        return self._profile((self._flat - taken)[:, None])
+    def with_pairs(self, pairs: CoursePairs) -> CourseProfile:
+        """Return the profile likelihood with the two courses of a pair together; the result has a column for each."""
+        u, v = (self.grid.weights @ (courses * self.z).T for courses in (pairs.first, pairs.second))
+        a, b, c = pairs.squares
+        return self._profile(self._flat[:, None] - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
 
     def with_all(self, courses: Matrix) -> float:
         """Return the smallest −2 log L with all transformed courses (p, n − 1) together."""
         weights = self.grid.weights
-        gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
         cross = weights @ (courses * self.z).T
-        taken = np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
+        taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
     def with_step(self, models: Integers, first: int) -> float:
-        """Return the smallest −2 log L of noise models with a jump between or within blocks from `first` on."""
-        return float(np.min(self.with_steps(models, slice(first, None))))
+        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
+        models."""
+        return float(np.min(self.with_steps(models, first + 1, self.z.size)))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid
-        shapes, squares = _steps_of(n + 1, first)
-        remainders = np.maximum(self._flat[:, None] - ((grid.weights * self.z) @ shapes) ** 2 / squares, _LEAST)
-        best = np.argmin(remainders, axis=1)
-        values = self._minus2(remainders[np.arange(best.size), best], grid.logs)
+        between = n - 2 * (first - 1)
+        taken = np.empty((len(grid.weights), 2 * between - 1))
+        taken[:, :between] = (grid.weights * self.z) @ grid.transform[:, first - 1 : n + 1 - first]
+        np.add(taken[:, 1:between], taken[:, : between - 1], out=taken[:, between:])
+        taken[:, between:] /= 2
+        taken *= taken
+        taken /= _squares(n + 1, first)
+        best = np.argmax(taken, axis=1)
+        values = self._minus2(self._flat - taken[np.arange(best.size), best], grid.logs)
         model = int(np.argmin(values))
-        shape, between = int(best[model]), n - 2 * (first - 1)
+        shape = int(best[model])
         place = first + shape if shape < between else first + shape - between + 0.5
         return float(np.min(self.without().values) - values[model]), float(place), grid.weights[model]
 
-    def with_steps(self, models: Integers, places: slice) -> Matrix:
-        """Return −2 log L of some models with a jump before or in the middle of each block."""
-        shapes, weights = _steps(self.grid, places), self.grid.weights[models]
+    def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
+        """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""
+        shapes, weights = _steps(self.z.size + 1, first, last), self.grid.weights[models]
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
         return self._minus2(self._flat[models][:, None] - taken, self.grid.logs[models][:, None])
 
@@ -190,7 +223,7 @@ class Likelihood:
         """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
         squares, free = weights @ self.z**2, self.z.size - len(courses)
         if len(courses):
-            gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
+            gram = _gram(weights, courses)
             cross = weights @ (courses * self.z).T
             squares = squares - np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
             logs = logs + np.linalg.slogdet(gram)[1]

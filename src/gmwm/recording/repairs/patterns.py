@@ -32,10 +32,13 @@ def modulus_of(values: Vector) -> tuple[float, float] | None:
     Values are at both ends of the word, and moved by 2^b they continue without gap or overlap, unlike wrong samples or
     flipped bits."""
     lowest, highest = float(np.min(values)), float(np.max(values))
+    reach = 2 * _REACH * (highest - lowest)
+    if np.any((values[:_FEWEST] > lowest + reach) & (values[:_FEWEST] < highest - reach)):
+        return None
     upper = values > (lowest + highest) / 2
     rare = upper if np.mean(upper) <= 0.5 else ~upper
     far, near = values[rare], values[~rare]
-    if far.size < 2 or max(np.ptp(far), np.ptp(near)) > 2 * _REACH * (highest - lowest):
+    if far.size < 2 or max(np.ptp(far), np.ptp(near)) > reach:
         return None
     step = lsb(near)
     if step is None:

@@ -144,8 +144,6 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
         share = np.mean(in_long_runs(same, frozen)[dead:]) if frozen else 0.0
         frozen = frozen if 0 < share <= _MOST_FROZEN else 0
         line = _straight_length(values, begins)
-        share = np.mean(_in_straight_runs(values, begins, line)) if line else 0.0
-        line = line if 0 < share <= _MOST_STRAIGHT else 0
     found = {
         "frozen": frozen,
         "straight": line,
@@ -180,10 +178,12 @@ def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> l
 
 def _dead(same: Mask) -> int:
     """Return the number of equal samples at the beginning, if they are far more than in other runs."""
-    changes = np.flatnonzero(~same)
-    first = int(changes[1]) if changes.size > 1 else 0
-    if first < _FROZEN or changes.size < 3:
+    if not np.all(same[1:_FROZEN]):
         return 0
+    changes = np.flatnonzero(~same)
+    if changes.size < 3:
+        return 0
+    first = int(changes[1])
     lengths = np.diff(changes[1:])
     return first if first > _FROZEN_TIMES * float(np.max(lengths)) else 0
 
@@ -194,23 +194,26 @@ def _frozen_length(values: Vector, same: Mask) -> int:
     if changes.size < 100:
         return 0
     level = values[changes]
-    if np.mean(level[2:] == level[:-2]) > _COARSE:
+    if np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
         return 0
     return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(changes), 0.999)))
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:
-    """Return the smallest number of samples in a row on a straight line that chance does not explain."""
+    """Return the smallest number of samples in a row on a straight line that chance does not explain; 0 without such a
+    row, or if most of the log is interpolated."""
     line = straight(values, begins)
     if line.size < 3:
         return 0
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(float(np.mean(alone)), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
-    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[_in_straight_runs(values, begins, length)[1:]]
-    if step is not None and slopes.size and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID:
+    rows = in_long_runs(line, length + 1)  # see `_in_straight_runs`
+    if length > _FROZEN or not 0 < np.mean(rows) <= _MOST_STRAIGHT:
         return 0
-    return length if length <= _FROZEN else 0
+    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[rows[1:]]
+    is_slow = step is not None and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID
+    return 0 if is_slow else length
 
 
 def _in_straight_runs(values: Vector, begins: Indices, least: int) -> Mask:

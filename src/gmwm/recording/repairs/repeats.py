@@ -48,7 +48,9 @@ def straight(values: Vector, begins: Indices) -> Mask:
     steps = np.diff(values)
     # Interpolated values are rounded to float64, or to the digits of a file.
     rounding = 1e-9 * max(float(np.max(values) - np.min(values)), 1e-300)
-    line[1:-1] = (np.abs(np.diff(steps)) <= rounding) & (np.abs(steps[1:]) > rounding)
+    bends = np.diff(steps)
+    inner = np.flatnonzero(np.abs(bends, out=bends) <= rounding)
+    line[1 + inner] = np.abs(steps[1 + inner]) > rounding
     line[begins] = False
     line[np.maximum(begins - 1, 0)] = False
     return line
@@ -105,26 +107,27 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     4.0
     """
     same = repeats(list(axes), begins)
-    changes = np.flatnonzero(~same)
-    if np.mean(same) < LIMITS.least_share or changes.size < LIMITS.least_changes:
+    repeated = np.count_nonzero(same) / same.size
+    if repeated < LIMITS.least_share or (1 - repeated) * same.size < LIMITS.least_changes - 0.5:
         return None
+    changes = np.flatnonzero(~same)
     lengths = np.diff(changes)
     # Without the samples at which the output froze.
-    lengths = lengths[lengths <= LIMITS.longest_run * np.median(lengths)]
+    lengths = lengths[lengths <= LIMITS.longest_run * _median(lengths)]
     every = float(np.mean(lengths))
     share = 1 - 1 / every
     # How often a value returns after one other value: never for a fine output, often for a coarse one.
-    returns = np.ones(changes.size - 2, dtype=np.bool_)
-    for values in axes:
-        returns &= values[changes[2:]] == values[changes[:-2]]
-    by_chance = float(np.mean(returns)) > LIMITS.chance_share * share or all(_is_slow(x[changes]) for x in axes)
+    levels, returns = [values[changes] for values in axes], np.ones(changes.size - 2, dtype=np.bool_)
+    for values in levels:
+        returns &= values[2:] == values[:-2]
+    by_chance = np.count_nonzero(returns) > LIMITS.chance_share * share * returns.size or all(map(_is_slow, levels))
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
     if by_chance or share < LIMITS.least_share:
         return None
-    if abs(duplicates - np.mean(same)) < LIMITS.written_twice * duplicates:
-        return Repeats("twice", float(1 / (1 - np.mean(same))))
+    if abs(duplicates - repeated) < LIMITS.written_twice * duplicates:
+        return Repeats("twice", 1 / (1 - repeated))
     return Repeats("held", every) if _is_regular(same, share, lengths) else Repeats("lost")
 
 
@@ -134,9 +137,15 @@ def _is_slow(levels: Vector) -> bool:
     return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
+def _median(lengths: Indices) -> float:
+    """Return the median of lengths that are mostly short, without a sort."""
+    below, half = np.cumsum(np.bincount(lengths)), (lengths.size - 1) // 2
+    return float(np.mean(np.searchsorted(below, [half, lengths.size - 1 - half], side="right")))
+
+
 def _common_multiple(lengths: Indices) -> int:
     """Return the largest k of which almost all lengths of runs are multiples; 1 if there is none."""
-    for k in range(min(int(np.median(lengths)), LIMITS.most_repeats), 1, -1):
+    for k in range(min(int(_median(lengths)), LIMITS.most_repeats), 1, -1):
         if np.mean(lengths % k == 0) >= LIMITS.multiple_share:
             return k
     return 1

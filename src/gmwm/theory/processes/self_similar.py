@@ -114,17 +114,25 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
-    """Compute the density C (sin(πf)/π)² Σ_k |f + k|^(−α−2), C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1), |f| ≤ ½, ν_1² =
-    1; two Hurwitz zeta functions sum k ≠ 0."""
-    from scipy.special import zeta
-
+    """Compute the density of the sampled noise with ν_1² = 1, C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε)
+    sin(πε/2) (2π)^(−α)/(2^ε − 1), at |f| ≤ ½ (cycles per sample). The terms |k| > 1 are a series in f²."""
     f, alpha = np.abs(frequencies), epsilon + 1.0
-    half = 0.5 * math.pi
+    half, power = 0.5 * math.pi, -2.0 - alpha
     sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
     constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
-    aliases = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
+    around = (1.0 + f) ** power + (1.0 - f) ** power + np.polyval(_distant_aliases(-power), f * f)
     with np.errstate(divide="ignore"):
-        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + aliases))
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + (np.sin(math.pi * f) / math.pi) ** 2 * around))
+
+
+@lru_cache(maxsize=32)
+def _distant_aliases(power: float) -> Vector:
+    """Return the coefficients of f^(2k), highest power first, of Σ_{|k| ≥ 2} |f + k|^(−power) at |f| ≤ ½: binomial
+    coefficients times ζ(power + 2k) − 1. Terms fall by a factor of 16."""
+    from scipy.special import binom, zetac
+
+    terms = 2.0 * np.arange(15, -1, -1)
+    return np.asarray(2.0 * binom(power + terms - 1.0, terms) * zetac(power + terms))
 
 
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
