@@ -153,8 +153,7 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
 
 def require_covariance(values: Matrix, key: str, document: Document) -> None:
     """Raise an error if a matrix is not square, symmetric and positive semidefinite. Infinite variances are allowed."""
-    # Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
-    # diagonal.
+    # Largest asymmetry and negative eigenvalue of a matrix, relative to a unit diagonal.
     rounding = 1e-6
     if values.ndim != 2 or values.shape[0] != values.shape[1]:
         raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")

@@ -237,8 +237,7 @@ def spelt(text: str) -> str:
 
 _DEGREE = math.pi / 180
 
-# SI unit of a coefficient by the power of the second beside the signal's unit, and the units in which datasheets and
-# filters print it, the usual unit first, each with its size in SI.
+# SI unit by power of the second beside the signal's unit, and printed units, the usual first, with size in SI.
 _COEFFICIENTS: dict[Quantity, dict[float, tuple[str, tuple[tuple[str, float], ...]]]] = {
     "gyro": {
         1.0: ("rad", (("arcsec", _DEGREE / 3600), ("µrad", 1e-6))),

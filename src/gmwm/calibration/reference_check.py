@@ -86,8 +86,7 @@ class ReferenceNumber(Documented):
         """The measured value, or its upper limit, in the convention of the file; None if the reference is no file."""
         if not self.written or not self.ratio:
             return None
-        # The value in the file and the reference are the same number in two conventions, so their ratio converts the
-        # measured value too. If the file contains variances, the ratio is squared.
+        # File and reference have two conventions of one number, so their ratio (squared for variances) converts values.
         return float(self.written * self.ratio**self.power)
 
     @property
@@ -257,8 +256,7 @@ def _of_axis(
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:
-        # Over times much shorter than its correlation time T, a Gauss-Markov process with the standard deviation σ is a
-        # random walk with K = σ √(2/T).
+        # For times far below T, a Gauss-Markov process of standard deviation σ is a random walk with K = σ √(2/T).
         numbers["K"] = values.sigma * math.sqrt(2 / values.time)
         keys["K"] = written.get("sigma", ("sigma", None))
     for symbol, value in numbers.items():

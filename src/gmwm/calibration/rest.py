@@ -223,8 +223,7 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
         return gravity
     level = math.hypot(*(mean for axis, mean in accel.items() if axis != vertical))
     if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST_AXIS_DEG)):
-        # 0.2 m/s², 20 mg, is a typical limit of the unknown biases of the level accelerometers in datasheets of MEMS
-        # accelerometers (tests/calibration/test_rest.py).
+        # 0.2 m/s², 20 mg, is a typical limit in datasheets of MEMS accelerometers (tests/calibration/test_rest.py).
         off = math.hypot(error, level / g * 0.2, 0.2**2 / (2 * g))
         gravity[vertical] = side * math.sqrt(g * g - level * level), off
     return gravity

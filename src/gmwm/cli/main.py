@@ -38,8 +38,7 @@ class Terminated(BaseException):
     """Exception that is raised if the process receives SIGTERM or SIGHUP; its argument is the number of the signal."""
 
 
-# New versions of Typer contain a copy of Click, old versions import Click. This expression gets its class UsageError in
-# both cases.
+# UsageError of Click, which old versions of Typer import and new versions contain.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
@@ -60,9 +59,8 @@ class OneLineErrors(TyperGroup):
             if code == INTERRUPTED:
                 raise KeyboardInterrupt  # Typer returns this code after Ctrl-C
         except (BrokenPipeError, SystemExit):
-            # The reader of a pipe, such as `head`, has closed it, so end without an error. The interpreter flushes
-            # stdout at exit, so stdout needs a new target. Typer and Rich raise SystemExit only in this case, because
-            # standalone mode is off.
+            # A closed pipe (`head`) is no error, but stdout, flushed at exit, needs a new target. Typer and Rich raise
+            # SystemExit only for this, as standalone mode is off.
             _discard_stdout()
             code = OK
         except _UsageError as error:

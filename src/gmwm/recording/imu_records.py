@@ -67,9 +67,8 @@ def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
     """
     exact = np.asarray(values, dtype=np.float64) / unit
     nearest = np.rint(exact)
-    # Counts that were multiplied by scale and rate and divided again differ from integers by float64 rounding, which a
-    # sum would accumulate. The tolerance of 1e-9 is far above that rounding and far below a count; pinned by
-    # tests/test_writers.py.
+    # Restored counts differ from integers by float64 rounding, which a sum would accumulate; 1e-9 is far above it and
+    # far below a count (tests/test_writers.py).
     if np.all(np.abs(exact - nearest) <= 1e-9 * np.maximum(np.abs(nearest), 1.0)):
         return nearest.astype(np.int64)
     return np.diff(np.rint(np.cumsum(exact)), prepend=0.0).astype(np.int64)

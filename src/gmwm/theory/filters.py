@@ -290,8 +290,7 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         raise OptionError(f"PyWavelets has no filter {name!r} ({error})", argument="filter", got=name) from error
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
-    # Long filters of PyWavelets have errors of 2e-13. They are not corrected, because this would change their
-    # coefficients by 3e-8.
+    # PyWavelets' long filters have errors of 2e-13; their correction would change coefficients by 3e-8.
     return _filter(name, published, moments=moments, accuracy=2e-11, source=source, rounding=1024.0)
 
 

@@ -274,8 +274,7 @@ class Workspace:
             try:
                 recording = uncut.result_for(job)
             except GmwmError:
-                # The selected part may be readable although the whole recording is not, for example because its
-                # sampling rate changes.
+                # A part may be readable although the whole recording is not, for example if its rate changes.
                 recording = self.recording(session).result_for(job)
             return overview(recording, lambda n: job.step(_length(n, recording)))
 

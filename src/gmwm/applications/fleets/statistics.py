@@ -42,8 +42,7 @@ class ParameterSample:
     symbol: str
     unit: str
     model: str | None  # noise model of the compared units; None if units with different models are compared
-    # x, s2 (n,): logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for
-    # units that are not compared.
+    # x, s2 (n,): log estimates (for R, estimates), NaN if not compared, and their squared standard errors.
     x: Vector
     s2: Vector
     # value, low, high (n,): estimates and confidence limits

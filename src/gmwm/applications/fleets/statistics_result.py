@@ -73,8 +73,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         size2 = others.spread2 + error2 + others.error**2
         distance[rows, k] = (value - others.mean) / np.sqrt(size2)
         scatter = others.spread2_variance * (1 + others.error2_slope) ** 2
-        # For a unit with a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from
-        # few units.
+        # For a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
         chance = 2 * scipy.special.stdtr(freedom, -np.abs(distance[rows, k]))
         pvalue[rows, k] = np.minimum(1.0, count * chance)

@@ -211,9 +211,8 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
         level = len(scatter)
         z = np.concatenate([np.zeros(0), *sums[level]]) / 2.0 ** (level / 2.0)
         if z.size < 30:  # the standard error of the scatter is then 13 %
-            # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
-            # too.
-            # A chart of block means uses the largest scatter of its level and of the five next coarser levels.
+            # A chart adds up to 2^REACH blocks before an alarm, so it uses the largest scatter of its and five coarser
+            # levels.
             return tuple(max(scatter[k : k + 6]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))
 

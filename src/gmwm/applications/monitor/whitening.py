@@ -116,16 +116,14 @@ class Gain:
     """Constant-gain Kalman filter of a model."""
 
     finite: Finite
-    # (p, p), (p,), (p, p) transition matrix, observation row and process noise of the model, including its
-    # level
+    # transition matrix, observation row and process noise of the model with its level
     F: Matrix
     H: Vector
     Q: Matrix
     P: Matrix  # (p, p) steady-state covariance of the predicted state; 0 for a constant level
     S: float  # variance of an innovation, in the squared unit of the signal
     phi: Matrix  # (p, p) Φ = F − K H, with the constant gain K
-    # (p, m) B at the first sample. The first columns are the diffuse states; the others describe the initial
-    # uncertainty of the other states in excess of P.
+    # (p, m) B at the first sample: diffuse states, then the initial uncertainty of the others in excess of P.
     start: Matrix
     diffuse: int  # number of diffuse columns of `start`
 
@@ -137,8 +135,7 @@ class Gain:
         p = H.size
         moving = finite.moving
         scale = float(H @ Q @ H) + float(space.R[0, 0])
-        # Without this lower limit, quantization noise and moving averages with a zero on the unit circle have no stable
-        # filter.
+        # Otherwise, quantization noise and averages with a zero on the unit circle have no stable filter.
         R = max(float(space.R[0, 0]), 1e-8 * scale)
         P = np.zeros((p, p))
         at = np.ix_(moving, moving)

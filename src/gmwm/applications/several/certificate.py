@@ -34,8 +34,7 @@ class ShapeTable:
     kind: type[Process]  # class of the process of the term
     branch: Branch  # map from the search coordinate to the shape parameter
     nodes: Vector  # (n,) tabulated search coordinates
-    # (n,) Distance of each tabulated shape from the first one, along the curve of the logarithms of the shapes.
-    # Factors of a shape do not count.
+    # (n,) distance from the first tabulated shape along the curve of logarithms, without factors
     length: Vector
     # (n − 1, 4, J) control points of the cubic in each cell between neighbouring tabulated coordinates
     controls: NDArray[np.float64]

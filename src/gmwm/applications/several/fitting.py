@@ -55,8 +55,7 @@ class JointSolution:
     products: Matrix  # (P, P, J, J) G at the estimate; see `gmwm.applications.several.matrices`
     # estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals
     measured: WaveletMatrices
-    # Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
-    # after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
+    # Whether weights are V⁻¹ under the estimate; after `ROUNDS` rounds without convergence, inverse variances of data.
     converged: bool
 
     @property
@@ -87,8 +86,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
-        # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
-        # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
+        # The first weights are rough, so the search is repeated. Accuracy: a tenth of the last round's change.
         accuracy = (
             EXACT_TOLERANCE if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT_TOLERANCE, ROUGH_TOLERANCE))
         )
@@ -114,11 +112,9 @@ class _Mixed:
     u: Vector  # (K,) search coordinates of the shapes
     sigmas: Matrix  # (P, d, d) covariance matrices of the terms
     implied: Matrix  # (J, d) wavelet variances of the model with these values
-    # largest relative difference, in the last round, between the wavelet variances that gave the weights and the fitted
-    # ones
+    # largest relative difference of the last round between fitted variances and those of its weights
     change: float = np.inf
-    # coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted wavelet
-    # variances, and of the wavelet variances that gave the weights of this round
+    # estimated coordinates and matrices of the last round, and log ratio of fitted variances to those of its weights
     last: tuple[Vector, Matrix, Matrix] | None = None
 
     @classmethod

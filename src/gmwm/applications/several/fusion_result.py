@@ -160,8 +160,7 @@ class ArrayNoise:
         response = np.linalg.solve(np.eye(filter.C.size) - filter.A, gain @ H) * walk
         p, n, d = len(F), filter.C.size, filter.weights.size
         white = self.white
-        # The state vector contains the noise states, e, and the white noise of this sample, which enters the output and
-        # e.
+        # The state vector contains noise states, e, and this sample's white noise, which enters the output and e.
         stationary = gain @ (H * ~walk)
         transition = np.zeros((p + n + d, p + n + d))
         transition[:p, :p], transition[p : p + n, :p], transition[p : p + n, p : p + n] = F, stationary @ F, filter.A

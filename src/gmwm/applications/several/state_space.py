@@ -249,8 +249,7 @@ def _tracks(
     states = {term: np.array([label_of == term for label_of in space.terms]) for term in dict.fromkeys(space.terms)}
     rows = {term: space.H[k] * mine for term, mine in states.items() if np.any(space.H[k] * mine)}
     terms = list(rows)
-    # As in a fit of one signal, the unknown level is part of the random walk. Without a random walk, the level is
-    # reported separately.
+    # As for one signal, the unknown level is part of the random walk, and reported separately without one.
     level = next((term for term in terms if np.any(space.diffuse & states[term])), LEVEL)
     nothing = np.zeros(space.H.shape[1])
     rows.setdefault(level, nothing)

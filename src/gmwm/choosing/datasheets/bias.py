@@ -224,8 +224,7 @@ def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000
     """
-    # Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
-    # has few extrema per octave.
+    # 24 points per octave at first: the Allan variance of a sum of processes has few extrema per octave.
     count = 2 + math.ceil(24 * math.log2(last))
     sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))
     while True:
@@ -234,16 +233,14 @@ def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
         if high - low <= 2:
             return int(sizes[k])
         # The next points are whole numbers between the two neighbours of the lowest point.
-        # Number of points at which `lowest` evaluates a curve in each refinement.
         sizes = np.unique(np.linspace(low, high, min(32, high - low) + 1).astype(np.int64))
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: FitCurve | None, z: float | None) -> str | None:
     """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
-    # On a flat curve, the position n of the minimum depends only on rounding errors.
-    # Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like
-    # the curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py.
+    # On a flat curve (flicker noise), rounding errors decide n, and B is known without a rise
+    # (tests/test_bias_limits.py).
     if ends.max() <= (1 + 1e-9) * least:
         return None
     if n == last:

@@ -120,12 +120,10 @@ def is_slow(process: Process, rate: float) -> bool:
     if time is None or is_flicker(process, rate):
         return True
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
-    # Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N
-    # is defined, and to the default time horizon of exported files.
+    # Smallest correlation time (s) of the bias: the averaging time at which N is defined, and the default horizon.
     if time < 1.0 or (powers and not powers & {0.5, -0.5}):
         return False
-    # An ARMA process that describes the sensor at high frequencies can have a slow pole, but most of its variance is at
-    # scales below 1 s.
+    # An ARMA process of the sensor can have a slow pole, but most of its variance is at scales below 1 s.
     if time == math.inf or not process.has("autocovariance"):
         return True
     fast = process.wavelet_variance(max(1, round(math.log2(max(rate, 2.0)))), rate).sum()

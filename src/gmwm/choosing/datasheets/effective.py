@@ -293,9 +293,8 @@ def _at(
     """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
     processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
-    # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
-    # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
-    # tests/test_effective_noise.py.
+    # A recording has too few parts to show that a slower filter predicts better, so K is zero
+    # (tests/test_effective_noise.py).
     slowest = wv.samples / 10.0
     alike = near is not None and all(_has_resonances_of(process, new) for process, new in moved.items())
     prediction = near.prediction if near is not None and alike else None

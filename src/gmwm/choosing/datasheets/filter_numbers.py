@@ -355,8 +355,7 @@ def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> f
     measured = float(space.R[0, 0])
     if space.states == 0:
         return measured / samples
-    # Variance of the measurement noise that is added to a model without any, relative to the variance of its
-    # innovations. The Riccati equation cannot be solved without it.
+    # Relative measurement noise of a model without any, without which the Riccati equation cannot be solved.
     floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
         before = scipy.linalg.solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))

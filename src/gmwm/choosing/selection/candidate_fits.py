@@ -94,8 +94,7 @@ def _explored_again(explored: Explored, candidates: Sequence[Model], wv: Wavelet
     for model in sorted(fitting, key=lambda model: -len(model.processes)):
         search.add(model)
     search.mend()
-    # If a model has more parameters than the other recordings have levels, the fit of the largest possible model is
-    # used.
+    # If a model has more parameters than the other recordings have levels, the largest possible fit is used.
     return [search.fit(model if freedom(model) <= len(wv) else max(fitting, key=freedom)) for model in candidates]
 
 
@@ -149,8 +148,7 @@ class _Exploration:
         first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
         for (key, solved), place in zip(lowest, first.tolist(), strict=True):
             square, other = solved.problem.unit**2, lowest[place][1]
-            # Two objectives count as equal if their relative difference is below this
-            # (tests/selection/test_nested_objectives.py).
+            # Objectives that count as equal (tests/selection/test_nested_objectives.py).
             if not solved.problem.as_low(solved.solution.objective / square, other.solution.objective / square, 1e-9):
                 self.solved[key] = replace(other, structure=solved.structure)
 

@@ -71,8 +71,7 @@ class Hypothesis:
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
-        # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
-        # this.
+        # A bound on the loss below this p-value rejects a candidate without another fit, to save time.
         return bool(scipy.special.gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
@@ -131,8 +130,7 @@ class Hypothesis:
     def _new(self) -> Matrix:
         """Parts (n, J) of the unit vectors of the terms to add that are outside the span of the directions of the
         candidate, without collinear terms."""
-        # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
-        # the candidate. The value is √ε of a double.
+        # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
         columns = self._columns - (self._columns @ self.axes) @ self.axes.T
         return columns[np.sum(columns**2, axis=1) > spare]
@@ -162,8 +160,7 @@ class Hypothesis:
         while 0 <= more < limits.size:
             weights, best = _core.nonnegative_least_squares(data[0], columns)
             more -= best <= limits[0]
-            # No curve has a positive product with this residual, so the distance of other data from the best sum is at
-            # least their product with it.
+            # No curve has a positive product with this residual, so its product with other data bounds their distance.
             residual = data[0] - weights @ columns
             open_ones = np.maximum(data @ residual, 0.0) ** 2 <= limits * (residual @ residual)
             open_ones[0] = False
@@ -174,8 +171,7 @@ class Hypothesis:
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
     """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
-    # A rejected candidate is fitted and tested once more, with weights from its last fit; see
-    # docs/validation/selection.md.
+    # A rejected candidate is tested again with weights of its last fit; see docs/validation/selection.md.
     for closer in range(2):
         if closer and hypothesis is not None:
             hypothesis = hypothesis.closer()

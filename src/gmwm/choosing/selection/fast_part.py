@@ -347,8 +347,7 @@ def _shape(
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0) & (oscillators <= 0.15 * density)
     peaks: list[Line | Bump] = [*spectrum.lines, *narrow_bumps(spectrum)]
     for peak in peaks:
-        # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
-        # (tests/selection/test_search.py).
+        # Frequencies near a line, in resolutions, are not used for the shape (tests/selection/test_search.py).
         used &= np.abs(frequencies - peak.frequency) > max(8 * spectrum.resolution, 4 * peak.width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False

@@ -253,8 +253,7 @@ class Ranking(Plotted, Tabular):
         """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
         terms."""
         text, short = candidate.structure, candidate.model.structure
-        # If the text of a model has more characters than this, it is shown without fixed values, because the
-        # coefficients of a filter would fill a page.
+        # Longer texts are shown without fixed values, because a filter's coefficients would fill a page.
         return short if len(text) > 60 and self._terms[short] == 1 else text
 
     @cached_property

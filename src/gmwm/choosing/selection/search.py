@@ -236,8 +236,7 @@ def _with_shape(
         )  # fmt: skip
         return replace(_after_slow(choice), band=part.band)
 
-    # A p-value of the largest model below which larger shapes are tried first, to save rankings; and the smallest error
-    # of a model that is not accepted although its family is.
+    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model.
     close, least_error = 0.05, 0.001
     simplest, last = None, None
     for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):

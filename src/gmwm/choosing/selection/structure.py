@@ -67,8 +67,7 @@ def nested_models(general: Model) -> list[Model]:
     >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
     """
-    # Largest number of candidates; `select` raises an error for a general model with more
-    # (tests/selection/test_ranking.py).
+    # Most candidates for which `select` does not raise an error (tests/selection/test_ranking.py).
     most_candidates = 5000
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]

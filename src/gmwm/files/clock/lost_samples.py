@@ -45,8 +45,7 @@ class Sifted:
     rows: Rows  # the rows that the clock counts
     # mask of the rows without a value in at least one axis; None if there is no such row
     lost: NDArray[np.bool_] | None = None
-    # Mask of the rows before which the recording is split, for example because a row without a time stamp was left out
-    # there; None if there is no such row. The last entry is for the next row after these
+    # mask of rows before which the recording is split, or None; the last entry is for the next row after these
     cut: NDArray[np.bool_] | None = None
     # number of rows that were left out because they have no time stamp, and because they have no value in any axis
     unplaced: int = 0

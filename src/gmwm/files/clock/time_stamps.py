@@ -173,8 +173,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
         )
 
 
-# Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
-# test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
+# Thresholds without a paper separate simulated clocks (tests/readers/test_timebase.py, test_steady.py pin them).
 
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""

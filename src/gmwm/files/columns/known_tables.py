@@ -24,9 +24,8 @@ class KnownTable:
 
     program: str  # name in messages
     needed: tuple[str, ...]  # patterns, each of which must match the name of a column
-    # For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the column.
-    # A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is used. If
-    # the unit is "", the user or the name of the column must state it
+    # Role ("time", "temperature", "gyro", "accel") and unit by the first matching pattern of names, whose group is the
+    # axis (x, y, z or 0, 1, 2). If the unit is "", the user or the column's name must state it
     columns: tuple[tuple[str, str, str], ...]
     file: str = ""  # pattern of the name of the file; "" for any name
     above: str = ""  # pattern of text above the header; "" for any text

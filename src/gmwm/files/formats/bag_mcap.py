@@ -27,8 +27,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 11, 15
 _HEAD = Struct("<BQ")
-# Head of a message record and the fixed part of its content, 31 bytes. The specification defines times as unsigned
-# integers. They are read as signed integers, like all other times here; this changes only times after the year 2262.
+# Head and fixed part of a message record, 31 bytes, with signed times, as all here; unsigned only after 2262.
 _WHOLE = Struct("<BQHIqQ")
 _FIXED = Struct("<HIqQ")
 _CHUNK_HEAD = Struct("<QQQI")

@@ -347,8 +347,7 @@ def _store(definition: Definition) -> Any:
     store = get_typestore(Stores.EMPTY)
     try:
         defined = set(store.fielddefs)
-        # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
-        # file.
+        # Constants are omitted, because the decoder generates code from the definition in the file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in defined})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error

@@ -60,8 +60,7 @@ class TextDialect:
     # The lines above the numbers that have more than one cell. Some programs repeat them between the numbers
     header: tuple[str, ...] = ()
     above: tuple[str, ...] = ()  # all lines above the numbers
-    # in a file with rows of several sensors, the index of the column that states the sensor, and the values of this
-    # column; None otherwise
+    # in a file with rows of several sensors, the column that states the sensor, and its values; None otherwise
     sensors: tuple[int, tuple[str, ...]] | None = None
     # index of this column, and its value in the rows to read; None to read all rows
     sensor: tuple[int, str] | None = None

@@ -234,8 +234,7 @@ def _heavy(head: bytes, kind: RecordType) -> bool:
 
 _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512
-# Fields after the signature and the byte order: version, whether angles and velocities are increments, rate, two
-# scales, two types of time, bias of time, and name of the sensor. The rest of the header is not used.
+# Fields after the byte order: version, whether increments, rate, scales, types and bias of time, sensor's name.
 _ORDERS = {0: "<", 1: ">"}
 _CLOCKS = {1: "UTC", 2: "GPS"}
 

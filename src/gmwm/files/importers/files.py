@@ -237,8 +237,7 @@ class Format:
 
     name: str  # name of the program
     keys: tuple[str, ...]  # keys by which a file is recognised: every file has at least one of them
-    # Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The
-    # rate is None if neither the file nor the user states it
+    # Returns each axis's values from the text and the rate (Hz), or None if neither file nor user states it
     read: Reader
     names: Mapping[Quantity, Mapping[str, str]]  # the key in the file for each number of `Values`
     rate_key: str = ""  # key of the sampling rate (Hz); "" if the file has none

@@ -167,8 +167,7 @@ class SampleBuilder:
         self._found, self._first, self._owned = found, first, owned
         self._known = KnownClock(found.timing, first)
         self._live = None if found.pace is None else RunningClock(found.pace)
-        # The rows whose segment is not known yet, a mask of the lost ones, and a mask of those after a row without a
-        # time stamp.
+        # Rows whose segment is not known yet, masks of lost ones, and of those after a row without a time stamp.
         self._waiting: dict[str, Vector] = {role: np.empty(0) for role in found.roles}
         self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
         self._came, self._segment, self._begun = first, 0, self._known.segment_at(first)

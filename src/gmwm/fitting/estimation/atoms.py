@@ -92,9 +92,8 @@ def _grid(
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
     for index, branch in enumerate(branches):
-        # Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative
-        # error of the cubics is about 1e-9. It is the only error of the lower bound of the search.
-        # tests/estimation/test_atoms.py pins the table.
+        # 2.5 % of β for GM: the cubics' relative error, the only one of the lower bound, is 1e-9
+        # (tests/estimation/test_atoms.py).
         cells = max(2, int(np.ceil((branch.high - branch.low) / 0.025)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)

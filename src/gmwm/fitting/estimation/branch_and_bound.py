@@ -243,8 +243,7 @@ def newton_places(
         places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
         if not np.all(np.abs(moves) <= reach) or any(not b.low <= u <= b.high for b, u in places):
             return None
-        # Change of the search coordinate below which the iteration ends. It is near the rounding error of the
-        # parameter.
+        # Near the rounding error of the parameter.
         if np.all(np.abs(moves) < 1e-12):
             break
     return places

@@ -166,9 +166,8 @@ def _of_process(
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0] if free.size else at
     for i, k in enumerate(free):
-        # Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
-        # ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py
-        # compares the criterion with the bootstrap.
+        # ε^(1/4) is the best order of magnitude of central differences (tests/inference/test_criterion.py, by
+        # bootstrap).
         steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
     shape = process.moments(at.reshape(1, -1), levels, rate, filter)[0]

@@ -104,8 +104,7 @@ def settle(
             break
     if iteration.expected <= max(agreement, fixed) and change <= max(agreement, fixed):
         return WeightedSolution(problem, solution)
-    # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
-    # this.
+    # Two estimates may alternate, each with the other's weights; weights without a model end this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return WeightedSolution(
         problem, finish(problem, solution), (Remark.of("weights-from-data", wv.axis, case="iteration"),)
@@ -191,8 +190,7 @@ def _nearly_settled(
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
-    # Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
-    # models.
+    # Weights have then converged to a few per cent, sufficient to compare models.
     for _ in range(3):
         at = model_of(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)

@@ -184,10 +184,8 @@ def _lowest(
 ) -> tuple[int | None, Projection] | None:  # fmt: skip
     """Return the best local optimum of descents and its index, or None if `known` is better. After a few steps the
     better half continues, then the best `count`."""
-    # Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
-    # many steps. If all descents are followed to the end, the objective is not smaller
-    # (tests/estimation/test_arma_fits.py).
-    # The same number of steps if there are several free processes, because lines have many optima close to each other
+    # Steps before the worse half of descents is dropped, and of the others after: all to the end are no better
+    # (tests/estimation/test_arma_fits.py). Lines have many close optima, so several free processes keep 5
     # (test_two_lines_are_both_found).
     steps = 5 if len(surface.frees) == 1 else 10
     scouts = [(k, optimum) for k, point in enumerate(points) if (optimum := surface.downhill(point, steps)) is not None]

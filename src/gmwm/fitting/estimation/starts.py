@@ -111,8 +111,7 @@ def scanned_points(
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
-    # Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
-    # `MOST_SCANNED`.
+    # 64 points for one coordinate, and four times as many for each additional one.
     number = min(MOST_SCANNED, 64 * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
     at = 0
@@ -173,8 +172,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         return None
     every = []
     for free in surface.frees:
-        # Number of points of a scan of one coordinate of a single process, while the other processes do not change. It
-        # is multiplied by four for each additional coordinate.
+        # 256 points for one coordinate of a single process, and four times as many for each additional one.
         values = _over_its_scan(free, _even(min(MOST_SCANNED, 256 * 4 ** (free.size - 1)), free.size), problem)
         shapes = free.kind.moments(values, problem.levels, problem.rate, problem.filter)
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
@@ -230,8 +228,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
         objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
     near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
     chosen: list[int] = []
-    # Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
-    # other.
+    # Descents start from these best points of a scan, no two of them close to each other.
     for k in np.argsort(objectives, kind="stable")[:256].tolist():
         if not np.isfinite(objectives[k]) or len(chosen) == kept:
             break

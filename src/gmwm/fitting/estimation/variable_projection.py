@@ -71,8 +71,7 @@ class Coordinates:
         # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
-        # Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers
-        # 0.9999 of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes).
+        # The scan covers 0.9999 of a bounded domain (tests/estimation/test_arma_fits.py, a thin set of processes).
         return np.where(share[:, None], 5.0 * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
@@ -269,8 +268,7 @@ class Surface:
                 break
             gain, best = 1.0 - better.objective / best.objective, better
             damping = max(damping / 10.0, 1e-9)
-            # Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then
-            # converge faster.
+            # Newton steps then converge faster.
             if gain < 1e-9:
                 break
         return best
@@ -313,8 +311,7 @@ class Surface:
             # Change of every coordinate below which Newton steps end.
             if size < 1e-11:
                 break
-            # Ratio of the length of a Newton step to the previous one above which the second derivatives are computed
-            # again.
+            # Newton steps that shrink less need new second derivatives.
             if size > 0.1 * before:
                 curvature = None
             before = size

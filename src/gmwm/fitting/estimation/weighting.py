@@ -91,17 +91,14 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
     """Return a remark if the weights of a user look like a covariance that was not inverted: their diagonal agrees with
     the variances V_jj at every usable level, and differs much from 1 / V_jj at one."""
-    # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
-    # then at most 1/2. Pinned by tests/estimation/test_weights.py.
+    # Levels with a relative standard error of at most 1/2 (tests/estimation/test_weights.py).
     usable = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
     if np.count_nonzero(usable) < 3 or not np.all(wv.variance > 0):
         return ()
     weights, variance = np.log(np.diag(matrix)[usable]), np.log(sampling_variance(wv)[usable])
-    # Largest factor between a weight and V_jj for which the weight looks like a variance
-    # (tests/estimation/test_weights.py).
+    # Factor to V_jj within which a weight looks like a variance (tests/estimation/test_weights.py).
     like_covariance = np.all(np.abs(weights - variance) < math.log(5.0))
-    # Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot
-    # be distinguished.
+    # Factor to 1 / V_jj of one weight: near 1 unit⁴, V_jj and 1 / V_jj cannot be distinguished.
     if like_covariance and np.any(np.abs(weights + variance) > math.log(1000.0)):
         return (Remark.of("weights-are-covariance", wv.axis),)
     return ()

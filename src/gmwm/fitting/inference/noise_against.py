@@ -197,8 +197,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
     design = replace(design, excess=excess_covariance(even, wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
-    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), where K_j/M_j is the variance of the condition at
-    # level j.
+    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), with the condition's variance K_j/M_j at level j.
     relative = covariance(noise, design)[np.ix_(used, used)] / np.outer(curve, curve)
     errors = relative / np.outer(spread, spread) / 4
     inverse = np.linalg.inv(errors)
@@ -251,8 +250,7 @@ def _slow(signal: Signal, values: Vector, design: Design) -> Booleans:
             variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
             few = freedom * variance**2 < least_freedom * float(np.mean(away**4))
-            # Least ratio of the variance of means over a scale to the variance of the condition, which must change
-            # slowly.
+            # The condition must change slowly: least share of its variance in means over a scale.
             mask[k] = variance >= 0.5 * total and not few
     return mask
 
@@ -263,8 +261,7 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[Integers, Vector
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
     ]
-    # Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
-    # depend on the length of the recording.
+    # Mean squares of 4096 parts of each level make the cost independent of the recording's length.
     length = max(sum(squares.size for squares, _ in pieces) // 4096, 1)
     counts, sums, means = [], [], []
     for squares, condition in pieces:

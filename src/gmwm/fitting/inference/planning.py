@@ -306,8 +306,7 @@ class Plan(Summarised, Plotted):
         while low < high:
             middle = (low + high) // 2
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
-        # From octave to octave the error falls by more than it can rise within an octave. The largest length at which
-        # it reaches the accuracy is therefore within one octave of `high`.
+        # From octave to octave the error falls by more than it rises within one, so the length is within one of `high`.
         near = (np.arange(-per_octave, per_octave + 1) / per_octave + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]

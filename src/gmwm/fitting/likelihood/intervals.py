@@ -131,8 +131,7 @@ class _ProfileLikelihood:
         for _ in range(_ROUNDS):
             step = min(max(best[k] + step, low), high) - best[k]
             root, at = self._root(best + along * step, k)
-            # Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has
-            # about three correct digits.
+            # An end with this accuracy has about three correct digits.
             if abs(root - self.z) <= 2e-3 * self.z:
                 break
             if root < self.z:
@@ -172,8 +171,7 @@ class _ProfileLikelihood:
         evaluation = self.problem.evaluate(at, [k])
         if evaluation is None:
             return None
-        # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
-        # of the profile is smaller, because the other parameters are optimised.
+        # For a small scale s the log-likelihood falls by c s + ½ k s², and the optimised profile by less.
         size = math.exp(at[k])
         c, curvature = max(-float(evaluation.gradient[0]) / size, 0.0), float(evaluation.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
@@ -181,8 +179,7 @@ class _ProfileLikelihood:
         for _ in range(_ROUNDS):
             at[k] = coordinate
             root, at = self._root(at, k)
-            # Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as
-            # zero. The limit then has about two correct digits.
+            # A limit with this accuracy has about two correct digits.
             if abs(root - self.z) <= 1e-2 * self.z:
                 break
             here = (coordinate, math.log(max(root, 1e-6)))
@@ -194,8 +191,7 @@ class _ProfileLikelihood:
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
         """Return the root of twice the fall of the profile log-likelihood, and the maximum at this coordinate k."""
-        # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
-        # below its maximum.
+        # At the ends of a 95 % interval, the profile is about 2 below its maximum.
         maximum = LikelihoodSearch(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
         if maximum is None:
             return math.inf, z

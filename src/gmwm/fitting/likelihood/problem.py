@@ -131,9 +131,8 @@ def _with_gaps(signal: Signal) -> Vector:
         places.append(at)
         at += last - first
         end = time + (last - first) / signal.rate
-    # Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
-    # see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
-    # tests/likelihood/test_loglikelihood.py.
+    # Missing samples (80 MB) that gaps may add; longer recordings may have more, see `_with_gaps`
+    # (test_gaps_that_need_too_much_memory_are_refused in tests/likelihood/test_loglikelihood.py).
     if at > 10 * len(signal) + 10_000_000:
         raise DataError(
             f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
@@ -269,9 +268,8 @@ class LikelihoodProblem:
         """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
         # Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000.
         farthest = 12.0
-        # Duration of the recording divided by the longest correlation time that the search allows. With this
-        # correlation time, the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no
-        # variance by more than 0.1 %, which is less than the standard error of any scale.
+        # Duration over the longest correlation time: a correlation of e^(−1e-3) over the recording changes no variance
+        # by more than 0.1 %, less than the standard error of any scale.
         least_decay = 1e-3
         out, samples = [], self.record.values.size
         for coordinate in self.coordinates:

@@ -11,8 +11,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.problem import LikelihoodPoint, LikelihoodProblem
 
-# The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
-# pins them: terms without support in the data are estimated as zero, and supported terms are found again.
+# These constants decide which terms are zero, and which return (tests/likelihood/test_fit_ml.py pins both).
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +59,7 @@ class LikelihoodSearch:
         if evaluation is None:
             return None
         z, evaluation = self._tidy(z, evaluation)
-        # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
-        # supported, so there are two passes.
+        # A zero term may be supported after others changed, and so may another after it: two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
             tried = self._back(z, evaluation, term) if term in self.gone else None
             if tried is not None:
@@ -167,8 +165,7 @@ class LikelihoodSearch:
         """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
-            # A scale is set to zero on trial if the information about its logarithm is below this value. The relative
-            # standard error is then above 4.
+            # A scale is zero on trial if the relative standard error is above 4.
             if k not in active or now.information[active.index(k), active.index(k)] > 0.05:
                 continue
             if len(self.gone) + 1 >= len(self.problem.model.processes):
@@ -241,8 +238,7 @@ class LikelihoodSearch:
             return [z.copy()]
         process = self.problem.model.processes[term]
         low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
-        # Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can
-        # also detect processes that decay within one sample.
+        # Beyond a wavelet fit's range (a factor of 5 in β), likelihood detects processes that decay within a sample.
         high += 1.6
         out = []
         for share in (np.arange(places) + 0.5) / places:

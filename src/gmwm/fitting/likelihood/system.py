@@ -120,8 +120,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        # A term whose scale is fixed at zero has no level. A free scale may become positive, and the term then needs a
-        # level.
+        # A term whose scale is fixed at zero has no level; a free scale may become positive.
         wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
         for state in np.flatnonzero(space.diffuse) if wanders else ():
             course = _course(space, int(state), samples)

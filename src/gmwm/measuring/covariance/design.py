@@ -101,8 +101,7 @@ class Design:
         Weights with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""
         if self.excess is None:
             return self
-        # Largest relative error of a level by which the excess covariance changes the weights of a fit
-        # (tests/covariance/test_excess.py).
+        # Largest relative error by which the excess changes weights (tests/covariance/test_excess.py).
         return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), 0.01**2)))
 
     def segment(self, length: int, counts: Integers) -> Design | None:

@@ -132,18 +132,15 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
     """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and numbers of tapers (J,), 0 for too few coefficients."""
-    # Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
-    # hardly changes within an interval.
+    # 16 intervals for each of 128 tapers, within which a taper hardly changes.
     size, cell = design.levels.size, -(-design.samples // 2048)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
-    # Bandwidth of the tapers, relative to 2^−k.
-    # Largest number of tapers of a level.
+    # Bandwidth of the tapers relative to 2^−k, and largest number.
     tapers = np.minimum(np.floor(2 * 0.125 * design.counts / apart), 128)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
-    # Rounding error of a coefficient, which is a sum over the taps of the filter. The error of W² is 2 |W| times as
-    # large.
+    # Rounding error of a coefficient, a sum over the filter; that of W² is 2 |W| times as large.
     rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * design.filter.length
     for a, (places, squares) in enumerate(_squares(values, design)):
         sums[a] = np.bincount(places // cell, squares, count)

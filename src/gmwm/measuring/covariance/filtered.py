@@ -69,8 +69,7 @@ class Lags:
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
         deepest = int(design.levels[-1]) if self.cumulant else 0
-        # Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is
-        # nearly Gaussian.
+        # Longer filters make sums of uniform errors nearly Gaussian, without a fourth cumulant.
         self.error_filters = filtered.error_filters(design.filter, deepest, 256)
 
     def stage(self, a: int) -> int:
@@ -164,8 +163,7 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
     """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances `squares` and ν_j² ν_k² = `size`."""
     weights = hermite_weights(efficiency)
     terms = np.asarray(weights[0] * squares)
-    # Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is
-    # in ρ⁴.
+    # ρ² below which the robust expansion has only its first term; the next is in ρ⁴.
     felt = np.flatnonzero(squares > 1e-6 * size)
     rho2 = squares[felt] / size
     terms[felt] = size * rho2 * np.polyval(weights[::-1], rho2)
@@ -224,8 +222,7 @@ def _against(
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
     """Remove negligible values at both ends, and return the lag of the first remaining value and these values."""
     size = np.abs(values)
-    # Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
-    # out.
+    # Relative covariance with the signal below which far lags are left out.
     there = np.flatnonzero(size > 1e-9 * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
     return first + int(begin), values[begin:end].copy()
@@ -272,8 +269,7 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
         total += step * float(np.arange(part.size) @ part) + nearest * float(part.sum())
     total *= step
     if step > 1:
-        # Correction at each kink of n(u): the difference of the Euler-Maclaurin formulas for these lags and for all
-        # lags.
+        # Correction at kinks of n(u): the difference of Euler-Maclaurin formulas for these lags and for all.
         lags = float(step) * np.arange(first, first + terms.size)
         for bend, turn in ((rise, 1), (0, -1), (coarse - fine, -1), (fall, 1)):
             beyond = (bend / step) % 1.0

@@ -210,8 +210,7 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
         total += slope**2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
-        # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
-        # effects nearly cancel in the relative variance.
+        # Not for robust estimates: a smaller variance and a larger mean nearly cancel in the relative variance.
         total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
 

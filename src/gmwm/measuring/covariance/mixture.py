@@ -96,8 +96,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
         found, _ = _core.nonnegative_least_squares(root * observed, np.ascontiguousarray(rows / length))
         weights = found / length[:, 0]
         before, curve = curve, weights @ shapes
-        # Relative change of the curve below which the iterations end. The curve is only used for weights, which need
-        # two digits; tests/estimation/test_weights.py pins the fits that use it.
+        # The curve is for weights, which need two digits; tests/estimation/test_weights.py pins fits that use it.
         if np.all(np.abs(curve - before) <= 1e-3 * before):
             break
     return curve, weights

@@ -94,8 +94,7 @@ class _Grids:
                 self._kept[key] = found
         if found is None or found.levels[: len(levels)] != levels:
             found = _computed(levels, key)
-            # Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels,
-            # they take 46 MB at most, and 6 MB if no process has a memory.
+            # Memory (samples) up to which nodes are cached: 46 MB at most for 19 levels, 6 MB without a memory.
             if key[-1] <= 1024:
                 with self._lock:
                     self._kept.pop(key, None)
@@ -185,8 +184,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
     if at.whole is not None:
         shapes, scales = shapes_at(present, at.whole, rate)
         return [shape[: at.lag.size] for shape in shapes], scales
-    # Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes
-    # 8 bytes.
+    # Nodes up to which covariances of fixed shapes are cached, at 8 bytes each.
     if at.lag.size > 2_000_000:
         total = np.zeros_like(at.lag)
         for process in present:
@@ -194,8 +192,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
         return [total], [1.0]
     shapes, scales = [], []
     for process in present:
-        # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
-        # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
+        # Shapes do not depend on scales: compared models share fixed ones, and fits, covariances and limits others.
         fixed = _has_fixed_shape(process)
         if not fixed and at.lag.size > MOST_CACHED // 2:
             shapes.append(process.coefficient_covariance(at, rate))

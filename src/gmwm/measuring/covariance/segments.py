@@ -37,8 +37,7 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
     """Yield segment lengths to compute, and the number of segments that each represents. M² V is convex in the length
     and nearly linear beyond a few scales, so a length between two nodes is divided between both nodes."""
-    # Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
-    # (tests/covariance/test_segments.py).
+    # Nodes per octave of segment length, for an error of at most 1 % (tests/covariance/test_segments.py).
     octave = 8
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT_LENGTHS:

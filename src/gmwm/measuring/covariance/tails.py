@@ -184,8 +184,7 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
     weights = fine / np.diag(gaussian)
     expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
     ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
-    # Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of
-    # loading 1 are used.
+    # Sufficient share of the largest λ − 1; of such loadings, those with the fewest levels of loading 1 are used.
     best = int(np.argmax(ratios - 1 >= 0.98 * (np.max(ratios) - 1)))
     size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
     return np.asarray(size * shapes[best]), float(ratios[best])

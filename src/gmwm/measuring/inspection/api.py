@@ -224,8 +224,7 @@ class RecordingStatistics:
             step for step in steps
             if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)
         )  # fmt: skip
-        # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
-        # Change of the direction of gravity (standard errors) that noise does not explain.
+        # Turns of gravity above 0.1° (a bias of 1.7 mg) that noise, at five standard errors, does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
         motions = findings.of_motion(motion, tilt if turned else None, knocks)

@@ -45,8 +45,7 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     if base.duplicates:
         # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
         many = base.duplicates > 1e-3 * extent.samples
-        # Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
-        # were written twice. If time stamps are only rounded, the samples differ.
+        # Repeated stamps and samples agree in number for rows written twice, not if stamps are only rounded.
         twice = many and abs(same / base.duplicates - 1) <= 0.1
         repeated = Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
         yield Remark.of("rows-repeated", count=base.duplicates) if twice else repeated
@@ -261,8 +260,7 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
     # Relative error of gravity above which there is a remark, more than a good accelerometer has.
     if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
-        # Offsets of 100 mg on three axes and a scale factor error of 3 %, which low-cost parts may have, change gravity
-        # by up to 15 %. With a larger error, the unit may be wrong.
+        # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
         if abs(error) > 0.15:
             yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
         else:
@@ -282,8 +280,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         # variance step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md).
         if ratio > 2.0:
             yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
-        # Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to
-        # N.
+        # Step (standard deviations σ) above which rounding adds at least 2 %, step²/24σ², to N.
         elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, case="rounded", step=step, ratio=ratio, density=density)

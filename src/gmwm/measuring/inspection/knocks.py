@@ -82,8 +82,7 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
     """Find samples far from their block's median: flat indices, and distances over the spread (≥ `resolution`/2)."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
-    # Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵
-    # samples.
+    # Distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
     at = np.flatnonzero((distance > 8.0 * spread) & (spread > 0))
     return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
 
@@ -98,8 +97,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 def level_length(samples: int) -> int:
     """Return the number of samples in the blocks whose medians are compared."""
-    # Number of blocks whose medians are compared for jumps.
-    # Smallest number of samples of such a block.
+    # Blocks whose medians are compared for jumps, and their smallest size.
     return max(samples // 256, 100)
 
 
@@ -127,8 +125,7 @@ def steps_of(
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
-        # Smallest size of a jump, in standard deviations of these differences.
-        # Smallest ratio of a jump to the changes before and after it. For a ramp it is 2.
+        # Size in standard deviations of the differences, and ratio to changes around it, which is 2 for a ramp.
         least = np.maximum(8.0 * spread, 4.0 * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
         # Several neighbouring blocks can show the same jump.

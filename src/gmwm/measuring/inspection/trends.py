@@ -143,8 +143,7 @@ class TrendTest:
             "quadratic": float(base - np.min(self._parabola.values)) - _EXTRA,
         }
         self.statistic = max(gains.values())
-        # Among shapes that describe the means about equally well, a line is preferred, then an exponential, which has a
-        # physical cause.
+        # Of about equally good shapes, a line is preferred, then an exponential, which has a physical cause.
         near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])

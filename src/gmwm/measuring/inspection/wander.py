@@ -50,8 +50,7 @@ def grid_of(blocks: int) -> NoiseGrid:
             continue
         markov = _markov(transform, time)
         for plateau in _PLATEAUS:
-            # Together with a Gauss-Markov process, every second ratio is enough. The ratio of neighbours is then still
-            # below 2.2.
+            # With a Gauss-Markov process, every second ratio is enough: neighbours are still within 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
     ratios, variances_without = np.concatenate(walks), np.vstack(rests)
@@ -205,9 +204,8 @@ class Likelihood:
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        # Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The
-        # 90 % quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of
-        # recordings, because a Gauss-Markov process can replace a random walk (docs/validation/trends.md).
+        # 95 % quantile of χ²₁. The usual 90 % for one-sided limits gives limits too low in 10 to 20 % of recordings,
+        # because a Gauss-Markov process can replace a walk (docs/validation/trends.md).
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - 3.841)
         if not grid.walks[best]:
             return 0.0, limit

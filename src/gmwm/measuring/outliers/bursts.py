@@ -83,8 +83,7 @@ class BurstFinder:
         self.rate = as_rate(rate)
         self.panels = Panels(panel_length(self.rate))
         self.levels = _levels(self.rate)
-        # Sums over all panels for each level: squares, squares in bursts, coefficients, coefficients in bursts, and
-        # bursts.
+        # Sums over panels by level: squares and those in bursts, coefficients and those in bursts, bursts.
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
 
@@ -287,8 +286,7 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
         chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
-    # Tails of t noise with three degrees of freedom have (6.5/4)³ times as many coefficients beyond 4, apart from those
-    # of Gaussian noise, and popcorn noise has lasting changes.
+    # t noise with three degrees of freedom has (6.5/4)³ times as many beyond 4, and popcorn noise lasting changes.
     count, gaussian = np.count_nonzero(chosen), 6.3e-5 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)
     if count < fewest or (fewest > 1 and bdtrc(count - 1, others, (4.0 / 6.5) ** 3) > 0.003):

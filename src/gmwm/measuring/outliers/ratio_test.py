@@ -48,8 +48,7 @@ def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | N
     square = np.where(square > 0, square, beyond / all_levels.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
-    # Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux
-    # 1993, JASA 88).
+    # Efficiency of (MAD / 0.67449)², used without a root (Rousseeuw and Croux 1993, JASA 88).
     square *= np.where(fallen, max((2 / 0.3675 - 2) / beyond, 1.0), 1.0)
     return np.sqrt(square)
 

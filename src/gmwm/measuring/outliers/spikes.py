@@ -104,8 +104,7 @@ def find_spikes(x: Signal) -> Spikes:
     spikes = candidates[deviation >= threshold]
     if not 0 < spikes.size <= MOST * values.size:
         return none
-    # Repeat the search without the spikes. They shift the median of their neighbours, hide the middle of a pulse, and
-    # make the tails of the bulk heavier.
+    # Repeat without the spikes, which shift medians, hide the middle of a pulse, and add to the tails.
     for _ in range(_PASSES):
         filled, right = _interpolate(values, spikes)
         candidates = np.union1d(candidates, _core.bent_samples(filled, 0.5 * LEAST * scale, length))
@@ -186,8 +185,7 @@ def _bulk(
     degrees of freedom, from at most about `most` residuals of samples that are `right`."""
     places, stride = _sample_places(values.size, most)
     residual = _core.neighbour_residuals(values, values, places, reach)
-    # Quantiles of rounded values are steps apart, and their ratio would not show the tails. A triangular dither of two
-    # steps makes the density continuous.
+    # Quantiles of rounded values would not show tails; a triangular dither of two steps makes a density.
     residual = np.abs(residual + step * np.random.default_rng(0).triangular(-1.0, 0.0, 1.0, residual.size))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece

@@ -172,8 +172,7 @@ def _rounds(
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
     shares, variances = np.ones(design.levels), design.variances(means)
-    # Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-    # less than 1 %.
+    # Rounds of noise, weights and coefficients; the third one changes a standard error by less than 1 %.
     for _ in range(4):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")

@@ -85,8 +85,7 @@ class BlockClock:
     def counts(self) -> Integers:
         """Number of observed samples in each block."""
         first, last, offset = self._ranges.T
-        # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
-        # integers, so the result is exact.
+        # Samples before each edge, interpolated between ends of segments: exact, as all values are integers.
         corners = np.stack([offset, offset + last - first], axis=1).ravel()
         before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
         return freeze(np.diff(before).astype(np.int64))

@@ -108,8 +108,7 @@ class RegressionDesign:
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
         """Compute the weights 1/S(f) by span; 0 above `highest`, where columns have too large errors."""
-        # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
-        # interpolated.
+        # Frequencies with computed densities; other weights are interpolated.
         points = 4096
         weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.spans}:
@@ -296,9 +295,8 @@ class NoiseMixtures:
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
         loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
-        # Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two
-        # by chance. Without it, standard errors for a random walk were too small by a quarter
-        # (docs/validation/regression.md).
+        # Penalty of all mixtures but the first, as chance decreases −2 log L by one to two; without it, errors for a
+        # walk were a quarter too small (docs/validation/regression.md).
         loss[1:] += 4.0
         weights = np.exp(-(loss - loss.min()) / 2)
         weights /= weights.sum()

@@ -121,8 +121,7 @@ def measured_line(
     middle = float(np.clip(place @ excess / total, first, last))
     away = place - middle
     moment = float(away**2 @ excess) / total
-    # Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the
-    # window.
+    # Second moment (bins²) of a line with a Hann window: −r''(0) / 4π², autocorrelation r of the window.
     spread = moment - (1 / 3)
     error = math.sqrt(_variance((away**2 - moment) / total, excess, level=level, freedom=freedom, wandering=False))
     wandering = spread > 2 * error

@@ -29,8 +29,7 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
-    # Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short
-    # knock has bumps, because it correlates neighbouring frequencies.
+    # Relative degrees of freedom for peaks: a short knock correlates frequencies, which makes bumps.
     testable = freedom > 0.5 * nominal_freedom(spectrum.blocks, spectrum.blocks - 1)
     testable[:FIRST_BIN] = testable[-1] = False
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)

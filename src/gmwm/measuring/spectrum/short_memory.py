@@ -147,8 +147,7 @@ def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool, order: in
 
 def _best_start(data: _Data, best: _ArmaPoint, more: tuple[int, int], *, free: bool) -> _ArmaPoint:
     """Return the optimum with more roots: a few steps from all starts, then all steps from the best."""
-    # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
-    # at the same frequency.
+    # Starts can be equal: a real root has no angle, and both residuals can be largest at one frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
     short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
     first = sorted(short, key=lambda point: point.loss)[:_KEPT]

@@ -113,9 +113,8 @@ def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
     sizes = np.diff(np.append(edges, length // 2 + 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         variation = np.nan_to_num(blocks * sums.squares / sums.levels**2 - 1)
-    # The logarithm of a periodogram has the variance π²/6. Its mean over m bins has 1.94/m of this variance, because a
-    # Hann window correlates neighbouring bins. The variance of K values has a relative standard error of √(2/K), and
-    # three standard errors are allowed.
+    # Log periodograms have the variance π²/6, and means over m bins 1.94/m of it (Hann correlation). Three standard
+    # errors √(2/K) of the variance of K values are allowed.
     stationary = np.expm1(np.pi**2 / 6 * 1.94 / sizes) * (1 + 3 * math.sqrt(2 / blocks))
     reduction = 1 + np.maximum(variation - stationary, 0.0)
     freedom = np.empty(length // 2 + 1)

@@ -124,8 +124,7 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
-    # Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are
-    # smaller.
+    # Smallest ratio of a bump to both sides; ripples of a filter's response are smaller.
     (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= 1.25))
     peaks = []
     for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):

@@ -161,8 +161,7 @@ class _Crew:
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library("distributed")
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
-            # With several parts for each thread, a slow worker does not delay the others much.
-            # Default for the largest size of a part (bytes). If a worker is lost, this much must be read again.
+            # Several parts for each thread, against slow workers, of at most 4 GiB, read again if a worker is lost.
             parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // (4 << 30))
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)

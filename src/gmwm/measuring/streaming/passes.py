@@ -197,8 +197,7 @@ def unit_of(recording: Imu | Streamed, axis: str) -> str:
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
     """Add chunks to accumulators as they arrive, with gaps filled in small blocks to keep the delay short."""
 
-    # Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
-    # choice.
+    # Samples whose gaps are filled together while watching: 80 s at 100 Hz, a choice.
     block = 1 << 13
 
     def batches() -> Iterator[Batch]:

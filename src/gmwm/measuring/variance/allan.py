@@ -215,16 +215,14 @@ def hadamard_variance(
     return cluster_variance(phase, noise, confidence, family="hadamard", kind=kind, **values)
 
 
-# The constants (b, c, a) of Howe and Greenhall by noise exponent α. The degrees of freedom are b T/τ − c, and the
-# expectation is (1 − a τ/T) σ²(τ), with the Allan variance σ² and the duration T of the recording.
+# Constants (b, c, a) of Howe and Greenhall by α: edf b T/τ − c, and expectation (1 − a τ/T) σ²(τ) over T.
 _FREQUENCY_NOISE = {
     0: (1.5, 0.0, 0.0),
     -1: (24 * np.log(2) ** 2 / np.pi**2, 0.222, 1 / (3 * np.log(2))),
     -2: (140 / 151, 0.358, 0.75),
 }
-# The constant a for phase noise, for which an end value contributes to many differences. For white PM it is exact: each
-# of the 2n differences that extend beyond an end has a variance of 10 σ² instead of 6 σ². For flicker PM it was
-# determined by simulations.
+# a for phase noise, whose end values are in many differences: exact for white PM (each of 2n differences beyond an end
+# has 10 σ² instead of 6 σ²), simulated for flicker PM.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 
 

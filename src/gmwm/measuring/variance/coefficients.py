@@ -58,8 +58,7 @@ def haar_resolution(peak: float, level: int) -> float:
 
 def require_digits(x: Vector) -> None:
     """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
-    # Largest distance of a value from the median, relative to the median of these distances. With larger values, the
-    # rounding error of the running sum exceeds 1e-4 of a typical coefficient.
+    # Distance over median distance from the median beyond which sums round by 1e-4 of a typical coefficient.
     limit = 2.0**38
     sample = x[:: max(1, x.size // SAMPLED_COEFFICIENTS)]
     middle = float(np.median(sample))

@@ -128,8 +128,7 @@ class SegmentedAccumulator(OneAtATime):
         self.levels = whole(levels, "levels", 1, MOST_LEVELS)
         self.start = whole(start, "start", 0, 1 << 62)
         self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
-        # `_first` is the first segment after a gap has closed it, `_last` is the open segment, and `_squares`,
-        # `_counts`, `_statistics`, `_lengths` and `_rises` are sums over the segments between them.
+        # `_first` is closed by a gap, `_last` is open, and the others are sums over the segments between them.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
         self._collector = collector

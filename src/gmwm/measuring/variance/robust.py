@@ -170,8 +170,7 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
         result = scan(criterion, tolerance)
         root, level.iterations = result.root, level.iterations + result.evaluations
         if root is None and not complete:
-            # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
-            # all coefficients may have one.
+            # The mean of ρ on the sample is off by 4 % of a, so near roots may be roots of all coefficients.
             near = [(abs(place), place) for place, value in result.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
@@ -205,8 +204,7 @@ def criterion_of(source: CoefficientSource, k: int, origin: float, tuning: Biwei
 
 def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
-    # Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
-    # independent coefficients than the sample of the level.
+    # First, one Newton step uses an eighth of the recording, if it has more independent coefficients than the sample.
     stride = 8
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])

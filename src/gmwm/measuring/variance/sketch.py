@@ -286,8 +286,7 @@ class _Bins:
         padded = np.concatenate([[0], sketch.counts, [0]])
         alone = counts > 8 * (padded[used] + padded[used + 2])
         half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
-        # A third of the largest variance that is possible for this mean. It is exact for a uniform distribution over
-        # the bin.
+        # A third of the largest possible variance for this mean, exact for a uniform distribution.
         variance = place * (1.0 - place) / 3.0 * (number - 1.0) / number
         deviation = np.where(alone, 0.0, width * np.sqrt(variance))
         with np.errstate(over="ignore", under="ignore"):

@@ -222,8 +222,7 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     passes = float(passing[-1] + 1) * 8 / _LENGTH
     if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
         return SteepFilter()
-    # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df. S is a parabola in the lower half of the band, and zero above half the
-    # rate.
+    # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df, with S a parabola in half the band and 0 above half the rate.
     low = (frequency > passes / 8) & (frequency < passes / 2)
     curve, level = np.polyfit(frequency[low] ** 2, density[low], 1)
     high = frequency >= passes / 2

@@ -34,16 +34,14 @@ class ExportOptions:
 
     # how the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis
     axes: Rule
-    # Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its
-    # square.
+    # factor of standard deviations and densities, squared for variances
     inflation: float = 1.0
     horizon: float = (
         DEFAULT_HORIZON_S  # horizon T (s) over which a filter with N and K predicts best; see `effective_noise`
     )
     # sampling rate (Hz) in the program that reads the file; None for the rate of the recording
     rate: float | None = None
-    # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
-    # recording if it is shorter
+    # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour or a shorter recording
     duration: float | None = None
 
 

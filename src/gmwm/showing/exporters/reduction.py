@@ -108,8 +108,7 @@ class SensorNoise:
 
     quantity: Quantity  # kind of the sensor
     axes: tuple[AxisNoise, ...]  # parameters of each axis, before inflation
-    # White noise, random walk and coefficient of the flicker term, with three values for x, y and z. The three
-    # values are equal unless the rule is "each".
+    # White noise, random walk and flicker coefficient for x, y and z, equal unless the rule is "each".
     N: tuple[Number, ...]
     K: tuple[Number, ...]
     B: tuple[Number, ...]

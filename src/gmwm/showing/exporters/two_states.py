@@ -43,8 +43,7 @@ class TwoStates:
     # Shortest and longest averaging time (s) in the fit. `low` is the horizon.
     low: float
     high: float
-    # largest relative difference between the Allan deviations of the states and of the model without its sinusoids
-    # and ramps
+    # largest relative difference from the model's Allan deviation without its sinusoids and ramps
     error: float
     # largest relative difference with one state, and with a random walk K instead of the states
     error_of_one: float

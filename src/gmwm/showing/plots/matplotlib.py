@@ -171,8 +171,7 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 
 def render(picture: MatplotlibFigure, suffix: str) -> bytes:
     """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
-    # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
-    # reproducible.
+    # PDFs keep text (font type 42), as journals require; the salt makes identifiers in an SVG reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
     buffer = io.BytesIO()
     with matplotlib.rc_context(settings):

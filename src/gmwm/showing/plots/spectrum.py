@@ -98,8 +98,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     for term, process in zip(model.terms, model.processes, strict=True):
         line = process.line(rate)
         if line is not None:
-            # A sinusoid of power P has the density P / (b Δf) if bins have the width Δf and the window has a noise
-            # bandwidth of b bins.
+            # A sinusoid of power P has the density P / (b Δf), bin width Δf and noise bandwidth b of the window.
             power, cycles = line
             height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
             symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")

@@ -55,17 +55,15 @@ _NEXT = {FN.name: 7, SIN.name: 8}
 """Stroke numbers of flicker noise and of the first sinusoid. They follow the strokes of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")
 """Processes that describe white noise after the filter of the sensor. In a model without WN, they have its stroke."""
-# Strokes of all further processes, in the order in which they are used. The first have one of three colours (P. Tol's
-# muted scheme) and one of the three dashes that few other terms have. Neighbours in the list differ in colour and dash.
-# The remaining pairs of colour and dash are at the end.
+# Strokes of further processes in order: three colours (P. Tol's muted scheme) and the dashes that few terms have,
+# neighbours differ in both; other pairs are at the end.
 _FURTHER = tuple(
     Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
     for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
     for k in range(3 * len(dashes))
 ) + tuple(Stroke(colour, 1.0, dash) for colour in _TERM_COLOURS[8::-1] for dash in _TERM_DASHES[::-1])
 
-# By convention, x, y and z are red, green and blue. Here they are vermillion, bluish green and blue, with different
-# symbols and dashes, for colour-blind readers and greyscale prints.
+# Conventional red, green and blue as vermillion, bluish green and blue, with own symbols and dashes.
 _LETTERS: dict[str, tuple[str, tuple[float, ...], Symbol]] = {
     "x": (VERMILLION, SOLID, "circle"), "y": (GREEN, DASHED, "square"), "z": (BLUE, DASH_DOT, "triangle"),
 }  # fmt: skip
@@ -78,8 +76,7 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 def term_stroke(index: int) -> Stroke:
     """Return the stroke number `index` for terms of a model."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
-    # The numbers of colours and dashes are both divisible by three. Without the shift, a pair would repeat after 36
-    # terms.
+    # Both numbers are divisible by three, so without a shift pairs would repeat after 36 terms.
     dash = _TERM_DASHES[(index + index // 36) % len(_TERM_DASHES)]
     return Stroke(colour, 1.0, dash)
 

@@ -39,8 +39,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
     half = half_period(n)
     while half <= LARGEST_EMBEDDING:
         eigenvalues = _eigenvalues(autocovariance, half)
-        # Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding
-        # errors.
+        # Relative size of negative eigenvalues that are rounding errors.
         if eigenvalues.min() >= -1e-9 * eigenvalues.max():
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2

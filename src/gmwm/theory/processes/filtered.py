@@ -89,8 +89,7 @@ def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
     lam = log_decay(phi)
-    # λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
-    # accurate.
+    # Both methods are accurate at this λ for φ = −e^(−λ).
     near = (phi < 0) & (lam < 0.1)
     values = np.empty((phi.size, levels.size))
     values[near] = _near_minus_one(lam[near], filter, levels)
@@ -215,8 +214,7 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
         far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
         sequence = np.append(near, -_last(a, far, 2 * reach))
         values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
-        # A constant does not change ν². It is subtracted, because a large constant would lose digits after the
-        # covariance has decayed.
+        # A constant does not change ν², but it would lose digits after the covariance has decayed.
         shift = sequence[reach]
         sequence, tail[p] = sequence - shift, tail[p] + shift
         near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])

@@ -42,8 +42,7 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
     In discrete time, GM processes are averaged over each interval, as the noise is; the noise within is one more state,
     and F is diagonal. In continuous time, white noise replaces the fastest: a discretisation samples states."""
     alpha = 1.0 + epsilon
-    # The slowest process has a correlation time of at least 2^(BAND + 5) samples, so that it acts as a random walk over
-    # 2^BAND samples.
+    # The slowest time is at least 2^(BAND + 5) samples, so that it is a random walk over 2^BAND.
     count = 1 + math.ceil((math.log(FASTEST_RATE) + (LADDER_OCTAVES + 5) * math.log(2.0)) / STEP)
     b = FASTEST_RATE * np.exp(-STEP * np.arange(count))
     # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
@@ -71,8 +70,7 @@ def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
-    # b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a
-    # relative error below 1e-8.
+    # b (1/sample) of a series for the variance of interval means, with a relative error below 1e-8.
     near = b < 1e-2
     direct[near] = b[near] * (2.0 / 3.0 - b[near] * (0.5 - b[near] * (7.0 / 30.0 - b[near] / 12.0)))
     within, shared = float(s2 @ direct), s2 * lost**2 / b
@@ -111,8 +109,7 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
     last = g[-1] ** (1.0 - p) * (step * sine / math.expm1(step * (1.0 - p)) if p < 1.0 else 1.0)
     b = unit * np.sqrt(1.0 + np.append(g, 0.0))
     drive = np.append(weight, last)
-    # Each process has the spectrum drive/(b² + ω²); the density of the white noise is the sum of drive/b² over all
-    # faster processes.
+    # Processes have drive/(b² + ω²), and the white noise the sum of drive/b² over faster ones.
     white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
     # For p = 1, sin πp is a rounding error.
     able = drive > 1e-12 * last

@@ -350,8 +350,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(roots)], dtype=np.bool_)
     for k in np.flatnonzero(apart):
         others = np.concatenate([np.delete(roots, k), rational.roots(season) if period == 1 else []])
-        # Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
-        # circle.
+        # Distance of a root with a closed form from others, over its distance from the unit circle.
         apart[k] = not seasonal_p and np.all(np.abs(others - roots[k]) > 0.1 * (1.0 - abs(roots[k])))
     size = np.concatenate([np.abs(roots[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
@@ -388,12 +387,10 @@ def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[f
     _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
     amplitudes, decays = rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]
     variance = abs(float(table[0] + amplitudes.real.sum()))
-    # Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
-    # coincide, and their sums lose more than six digits.
+    # Larger relative amplitudes belong to roots that nearly coincide, and lose more than six digits.
     if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > 1e6 * variance:
         return None
-    # White noise far below a variance that alternates is the largest part at most scales.
-    # Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic.
+    # White noise far below an alternating variance matters at most scales. 1e-26 is the rounding of double-double.
     felt = np.flatnonzero(np.abs(table) > max(negligible * np.abs(table).max(), 1e-26 * variance))
     remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
     return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))

@@ -24,8 +24,7 @@ from gmwm.theory.processes.parameter import Fixed, Value
 _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))", re.ASCII
 )
-# Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
-# test_a_text_of_a_sum_that_is_no_model.
+# 100 terms of 100 characters, against long run times (test_a_text_of_a_sum_that_is_no_model).
 
 
 def parse_model(text: str) -> Model:

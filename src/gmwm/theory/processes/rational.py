@@ -98,8 +98,7 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
     """Return the frequency (Hz) between `inside`, with density above `level`, and `outside`, below it."""
-    # Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
-    # times as long as the first.
+    # Nine rounds of 64 parts make the last interval 2⁻⁵⁴ of the first.
     for _ in range(9):
         grid = np.linspace(inside, outside, 64 + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1

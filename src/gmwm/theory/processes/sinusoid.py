@@ -153,8 +153,7 @@ class SIN(Process):
         """
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
-        # If the phase, relative to the multiple, changes by at least half a turn over the recording, the remark does
-        # not apply.
+        # If the phase changes by half a turn over the recording, the remark does not apply.
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
