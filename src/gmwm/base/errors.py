@@ -1,5 +1,4 @@
-"""Errors and warnings: what happened, the argument, what was expected and given, and what to do, for Python users
-(`rate=`) or for the shell (`--rate`)."""
+"""Errors and warnings: what happened, which argument, what was expected and given, what to do; for Python or shell."""
 
 from __future__ import annotations
 

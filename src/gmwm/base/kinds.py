@@ -70,9 +70,8 @@ class Document:
 
 
 def require_kinds(found: Any, where: str, document: Document) -> None:
-    """Raise an error if a field lacks its annotated type (integers are floats) or the range of its name: arrays of
-    equal lengths, covariances, numbers up to `LARGEST_NUMBER`, counts up to `LARGEST_COUNT`, NaN only with
-    `marks_with_nan`."""
+    """Raise an error unless fields have their annotated type (integers as floats) and the range of their name: equal
+    lengths, covariances, numbers to `LARGEST_NUMBER`, counts to `LARGEST_COUNT`, NaN with `marks_with_nan`."""
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
     keys = {name.partition("~")[0]: key for key, name in renamed}

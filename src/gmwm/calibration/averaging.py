@@ -136,8 +136,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
 def with_band(
     sheet: Datasheet, errors: Mapping[str, float], lines: Iterable[Line], level: float
 ) -> Datasheet:  # fmt: skip
-    """Return the datasheet with intervals of f_b (relative `errors`) and lines, strongest first, which the fit
-    holds."""
+    """Add intervals of f_b (relative `errors`) and of lines, strongest first, which the fit holds."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
     errors = {**errors, **_line_errors(sheet, lines)}
 

@@ -83,8 +83,7 @@ def choose_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:  # fmt: skip
-    """Search the model of an axis, compare those within a largest one, or use the user's, as options say; `check` may
-    raise to stop."""
+    """Search the model of an axis, compare those within a largest one, or use the user's; `check` may raise to stop."""
     require_scales(wv)
     if options.models:
         return given_model(options.general, wv, options.ranking)
@@ -143,9 +142,8 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
-    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
-    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
+    """Return lengths (s) that give parameters with relative errors above 50 % one of 20 %: doubled up to ten times,
+    then infinite; None if a term acts as a simpler process, as theory cannot predict its error."""
     shares = np.sqrt(np.diag(fit.sandwich.relative)).tolist()
     poor = [name for name, share in zip(fit.sandwich.names, shares, strict=True) if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:

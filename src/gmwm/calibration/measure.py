@@ -92,8 +92,7 @@ class MeasuredAxis:
 
     def curve(self, options: CalibrationOptions) -> WaveletVariance:
         """Return the wavelet variance to fit: the mean over recordings, without the effect of conditions. "auto" is
-        robust if remaining bursts (motion, too many knocks) raise a classical curve, which includes the covariance of
-        heavy tails."""
+        robust if bursts (motion, too many knocks) raise a classical curve, which has the covariance of heavy tails."""
         removed = {name: item for name, item in self.regressions.items() if item.applied}
         curves = self._curves(options)
         return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})

@@ -67,10 +67,8 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
 
 
 def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> Mask:
-    """Return the levels (J,) found in the fit of at least one recording.
-
-    The mean of different recordings deviates from a model significantly; this is no reason against each one's
-    numbers."""
+    """Return the levels (J,) found in the fit of at least one recording: a mean of different recordings deviates
+    significantly, which is no reason against each one's numbers."""
     mask = np.full(len(found.fit.wavelet_variance), found.replicates is None)
     for single in () if found.replicates is None else found.replicates.fits.values():
         in_single = levels(single)

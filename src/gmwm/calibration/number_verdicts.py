@@ -44,8 +44,7 @@ class Usability(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NumberVerdict:
-    """Whether the number `symbol` of an axis can be used, or only as a bound; `reason` is the most severe remark, or
-    None if it can, or is undetermined."""
+    """Whether the number `symbol` can be used, or only as a bound; `reason` is the worst remark against it, or None."""
 
     symbol: str
     usability: Usability

@@ -185,8 +185,7 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
     """Return half the interval of a mean, averaged by tail areas over models (docs/validation/rest.md): Student's with
-    2/r² degrees of freedom, ≥ 1, for a variance's relative error r, up to the normal interval of the largest measured
-    variance."""
+    2/r² ≥ 1 degrees of freedom for a variance's relative error r, up to the normal interval of its largest value."""
     spreads = [
         (w, math.sqrt(variance.value), max(2 / max(variance.relative, 1e-9) ** 2, 1.0))
         for w, variance in models

@@ -1,5 +1,4 @@
-"""Decorator that makes a shell command of a function that returns an Outcome, and settings of options: `gmwm.toml`, or
-[tool.gmwm] of `pyproject.toml`."""
+"""Decorator of shell commands, and settings of options in `gmwm.toml` or [tool.gmwm] of `pyproject.toml`."""
 
 from __future__ import annotations
 

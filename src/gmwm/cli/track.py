@@ -54,8 +54,7 @@ def _missing(found: Tracks) -> int:
 
 
 def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
-    """Return the `NUMBERS` of a track: mean, RMS about it, RMS standard deviation, and first and last values with half
-    their bands; None if unknown."""
+    """Return a track's `NUMBERS` or None: mean, RMS about it, RMS error, first and last value with half their bands."""
     path, error = found.mean[label], found.error[label]
     finite = np.isfinite(error)
     low, _ = found.band(label, level)

@@ -28,8 +28,7 @@ class StepSearch:
     fine: float = 1.0
     """Spread of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the step²."""
     near_maximum: float = 0.5
-    """Standard deviations within this log-likelihood of the maximum agree equally; the largest is used, an upper limit
-    if only two values occur."""
+    """Log-likelihood below the maximum of standard deviations that agree equally; the largest is used."""
     least_probability: float = 1e-9
     """Smallest probability of a value, so that a single wrong value does not determine the result."""
 

@@ -25,8 +25,7 @@ from gmwm.base.extras import library
 __all__ = ["WaveletFilter", "find_filter"]
 
 _MOST_LAGS = 64
-"""Largest lag of an autocovariance of first differences, enough for roots of a moving average up to modulus 0.95
-(docs/validation/efficiency.md)."""
+"""Largest lag of differences' autocovariance, for average roots up to 0.95 (docs/validation/efficiency.md)."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 

@@ -311,9 +311,8 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
 
 
 def _is_allowed(request: Any, host: str, token: str) -> bool:
-    """Return whether a request comes from the page itself, by token, host and origin.
-
-    A foreign page could have a host name that resolves to 127.0.0.1, or send requests to any address."""
+    """Return whether a request comes from the page itself, by token, host and origin. A foreign page could have a host
+    name that resolves to 127.0.0.1, or send requests to any address."""
     sent_token = request.path.split("/", 2)[1] if request.path.startswith("/") else ""
     origin = request.headers.get("Origin")
     if origin is None and request.method not in ("GET", "HEAD"):

@@ -36,11 +36,10 @@ def level_threshold(run_length: float) -> float:
 
 
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R]. The values y
-    are independent, with a Gamma distribution of shape k and mean 1. R is the ratio of variances for which the chart
-    has the shortest delay. The average run length is at least e^h (Lorden 1971, Annals of Mathematical Statistics 42,
-    1897-1908), and C e^h for large h. Page's integral equation, solved for 10⁵ blocks, gives C (Brook and Evans 1972,
-    Biometrika 59, 539-549)."""
+    """Return the threshold h of S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], with independent Gamma y of shape k and
+    mean 1; R is the ratio with the shortest delay. The run length is at least e^h (Lorden 1971, Annals of Mathematical
+    Statistics 42, 1897-1908), and C e^h for large h, with C by Page's integral equation for 10⁵ blocks (Brook and Evans
+    1972, Biometrika 59, 539-549)."""
     return max(math.log(run_length) - _advantage(round(shape, 2), ratio), 0.5)
 
 

@@ -295,9 +295,8 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: JointSolution) -> GoodnessOfFit:
-    """Compute the goodness-of-fit test. Coarse moments are skewed: for η coefficients of d signals, S = W/η is Wishart,
-    and (η/2) tr(S − I)² has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η, less the mean leverage
-    h_j of the level."""
+    """Compute the goodness-of-fit test. Coarse moments are skewed: with η coefficients of d signals and Wishart S =
+    W/η, (η/2) tr(S − I)² has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η, less leverage h_j."""
     problem = settled.problem
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.

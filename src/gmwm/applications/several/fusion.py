@@ -87,9 +87,8 @@ def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise
 
 
 def shrunk(settled: JointSolution, sigmas: Matrix, scatter: Vector) -> Matrix:
-    """Return covariance matrices, shared and common ones shrunk to a multiple of the identity for stable inverses, by
-    the entries' variance over squared distance, at most 1 (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88,
-    365-411)."""
+    """Return covariance matrices, shared and common ones shrunk to a multiple of the identity, for stable inverses, by
+    variance over squared distance ≤ 1 (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88, 365-411)."""
     out = sigmas.copy()
     for place, term in enumerate(settled.problem.terms):
         if term.kind != "own":

@@ -148,9 +148,8 @@ class ArrayNoise:
         return F, Q, H, C
 
     def fused_space(self, filter: DifferenceFilter) -> StateSpace:
-        """Return the fused signal's state space at rest, for any difference filter. As walks z make its states ξ
-        non-stationary, ξ = G z + e with the steady response G: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, increments w,
-        other noise n."""
+        """Return the fused signal's state space at rest, for any filter. As walks z make its states ξ non-stationary, ξ
+        = G z + e with the steady response G: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, increments w, noise n."""
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
         F = scipy.linalg.block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
         Q = scipy.linalg.block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))

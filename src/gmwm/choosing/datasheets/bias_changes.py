@@ -58,10 +58,9 @@ class BiasTerms:
         return self._sum(of, fast=True)
 
     def variance_over(self, duration: float) -> Variance:
-        """Compute the mean square of the bias about its mean over a duration (s). The bias is the sum of all terms with
-        a correlation time of at least 1 s, random walks, and flicker and power-law noise. The variance of 2^J samples
-        about their mean is the sum of the Haar wavelet variances of the levels 1 to J, even for a random walk (Percival
-        and Walden 2000, section 8.1). Between these lengths, it is interpolated on a logarithmic scale."""
+        """Compute the mean square of the bias (terms slower than 1 s, walks, flicker, power laws) about its mean over a
+        duration (s): for 2^J samples the sum of Haar variances of levels 1 to J, even for walks (Percival and Walden
+        2000, section 8.1), logarithmically interpolated."""
         rate = self.curve.design.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)
         low = math.floor(position)
@@ -76,9 +75,8 @@ class BiasTerms:
     def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
         """Add up the variances `of` the slow terms and, if `fast`, of the others.
 
-        The slow sum v ± s cannot be negative: a uniform prior for positive values gives the mean v + sλ and the
-        variance s²(1 − uλ − λ²), u = v/s, λ = φ(u)/Φ(u), up to `variance_limit`. So a walk estimated as zero is not
-        treated as absent."""
+        The slow sum v ± s cannot be negative: a uniform prior for positive values gives the mean v + sλ and variance
+        s²(1 − uλ − λ²), u = v/s, λ = φ(u)/Φ(u), up to `variance_limit`. A walk estimated as zero is not absent."""
         total, square, limit, known = 0.0, 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:

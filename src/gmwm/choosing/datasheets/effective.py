@@ -58,8 +58,7 @@ class CurveRatio:
 
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
-    """Return the factor from a model's density to the measured one, without sinusoids; 1 at levels within
-    `MISFIT_ERRORS`, and None if 1 at all."""
+    """Return the factor from a model's density to the measured one, 1 within `MISFIT_ERRORS`; None if always 1."""
     fit = fit.without_lags
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
@@ -178,9 +177,8 @@ def claim(fit: Fit, white: float, walk: float, time: float) -> float:
 
 
 def true_times(fits: Sequence[Fit], white: float, walk: float) -> tuple[float, float]:
-    """Return the shortest and the longest time (s) between which the error that a filter with N and K states is true
-    (`TRUE_CLAIM`), from 1 s, for the axis with the largest real error. The longest is infinite if it is true up to
-    1000 s, or up to a tenth of a shorter recording; both are infinite if it is true at no time."""
+    """Return the times (s, from 1 s) between which a filter's stated error is true (`TRUE_CLAIM`) for the axis with the
+    largest real error; infinite if true up to 1000 s, or a tenth of a shorter recording; both if never true."""
     wv = fits[0].wavelet_variance
     times = [
         t for t in (1.0, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples

@@ -1,5 +1,4 @@
-"""White noise N and random walk K with which a filter predicts a noise best and states the error that it makes, and
-the error of the filter of the full model."""
+"""N and K with which a filter predicts a noise best and states its own error, and the full model's error."""
 
 from __future__ import annotations
 
@@ -50,8 +49,7 @@ class FilterPrediction:
         J(g) = (1/2π) ∫ |G(θ) − H(θ)|² S(θ) dθ,  G = (1/n) Σ_{m=1}^{n} e^{imθ},  H = g / (1 − (1 − g) e^{−iθ}).
 
     G − H is zero at θ = 0, so J is finite for walks and flicker. Ramps ω add ω² ((n + 1)/2 + (1 − g)/g)², sinusoids P
-    |G − H|². `theta` and `mass` (m,) are frequencies, and densities times `weights` over π, or powers; `ramp` is the
-    sum of ω²."""
+    |G − H|². `theta` and `mass` (m,) are frequencies, and densities times `weights` over π, or powers."""
 
     theta: Vector
     mass: Vector

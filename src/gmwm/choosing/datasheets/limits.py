@@ -1,5 +1,4 @@
-"""Upper limits: of white noise and random walks that the fitted model does not contain, and of numbers that a recording
-cannot show."""
+"""Upper limits of noise that the model does not contain, and of numbers that a recording cannot show."""
 
 from __future__ import annotations
 
@@ -48,8 +47,7 @@ def strength_limit(wv: WaveletVariance, process: Process) -> float:
 
 
 def allan_limit(wv: WaveletVariance, process_ratio: Vector) -> float:
-    """Return the Allan variance's largest upper limit at the lowest level and its neighbours; `process_ratio` is Allan
-    over wavelet variance of the model."""
+    """Return the Allan variance's largest upper limit near its minimum; `process_ratio` is that to wavelet variance."""
     high = (process_ratio * wv.upper)[(wv.variance > 0) & np.isfinite(process_ratio)]
     if not high.size:
         return float("inf")
@@ -68,8 +66,7 @@ _KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Compute the upper limit of the entry N or K from a fit with this term added; infinite if unbounded. DataError
-    without such a fit or its intervals."""
+    """Compute the upper limit of N or K from a fit with this term; infinite if unbounded, DataError without a fit."""
     kind = _KINDS[entry.symbol]
     try:
         holder = fit if any(isinstance(p, kind) for p in fit.model.processes) else _widened(fit, kind)
@@ -121,9 +118,8 @@ def plausible(entry: Entry, rate: float, samples: int, resonance: float | None =
 
 
 def measurable(entry: Entry, fit: Fit) -> Entry:
-    """Return an upper limit of a strength within measured upper limits of the wavelet variance, reached by the noise
-    alone. N and K of a filter are not those of terms, so a limit within `WIDEST_INTERVAL` of the value stays, as does
-    infinity."""
+    """Return an upper limit of a strength that reaches measured upper limits of the variance alone, if above it. N and
+    K of a filter are not those of terms, so limits within `WIDEST_INTERVAL` of the value, and infinity, stay."""
     wv = fit.wavelet_variance.without_lags
     if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
         return entry

@@ -190,9 +190,8 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> Matrix:
-    """Return curves (n, J) that the general model can add: those without shape, Gauss-Markov processes on a grid of
-    correlation times, and of other processes the estimated shape and its derivatives, because mixtures of grid points
-    describe more curves than one process."""
+    """Return curves (n, J) that the general model can add: those without shape, GM on a grid, and others' estimated
+    shape and its derivatives, because mixtures of grid points describe more curves than one process."""
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]

@@ -1,7 +1,6 @@
 """Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
 
-It is if, in over 5 % of recordings simulated from it, its criterion exceeds the smallest by at least as much as in the
-data.
+It is if its criterion exceeds the smallest as much as in the data in over 5 % of recordings simulated from it.
 
 Simulated wavelet variances are chi-square at each level, with the candidate's covariance V: a larger model's would
 weigh low levels too much. Its fit is computed by first-order theory. Rivals are all models with one more term, and, to
@@ -128,8 +127,7 @@ class Hypothesis:
 
     @cached_property
     def _new(self) -> Matrix:
-        """Parts (n, J) of the unit vectors of the terms to add that are outside the span of the directions of the
-        candidate, without collinear terms."""
+        """Parts (n, J) of unit vectors of terms to add outside the candidate's directions, without collinear terms."""
         # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
         columns = self._columns - (self._columns @ self.axes) @ self.axes.T
@@ -151,8 +149,7 @@ class Hypothesis:
         return np.asarray(net.max(axis=1, initial=0.0))
 
     def often_exceeds(self, difference: float, records: Integers, more: float) -> bool:
-        """Return whether an upper bound for the decrease of the criterion by two or more parameters is at least
-        `difference` in more than `more` simulated recordings."""
+        """Return whether a bound on the criterion's fall by two parameters is ≥ `difference` in over `more` draws."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns, [part / np.linalg.norm(part) for part in parts]])
         data = self.fit.implied @ self.root.T + self.errors[records]

@@ -35,8 +35,7 @@ FELT = 0.003
 """Smallest share of the wavelet variance at some level with which a peak is measured. For comparison, the relative
 standard error at the first levels is 0.2 % for 10^6 samples (tests/selection/test_peaks.py)."""
 UNSEEN_DISTANCE = 1.0
-"""Distance (standard errors) by which omitted peaks may change the variance, and so any parameter, after others are
-fitted (tests/selection/test_peaks.py)."""
+"""Distance (standard errors) by which peaks left out may change the variance (tests/selection/test_peaks.py)."""
 MOST_OSCILLATORS = 8  # Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape.
 NARROW = 0.002
 """Width over rate below which a bump is no part of an ARMA process, half its narrowest; see `short_memory.POLE`."""
@@ -131,9 +130,8 @@ def _with_power(process: Process, factor: float | None) -> Process:
 
 
 SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)
-"""Relative difference of Haar variances of discrete and continuous flicker noise from level 1 on: integrated white
-noise of order 1/2 (Kasdin 1995), density π/sin(πf), and 1/f averaged over intervals
-(tests/selection/test_shape_error.py)."""
+"""Relative difference of Haar variances of discrete flicker noise (white noise integrated by 1/2, Kasdin 1995, density
+π/sin(πf)) and of averaged 1/f noise, from level 1 on (tests/selection/test_shape_error.py)."""
 
 FLICKER_SPREAD = 0.75
 """Standard deviation of sampled from continuous flicker noise, relative to `SAMPLED`: 0 if averaged over intervals,
@@ -192,9 +190,8 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
-    """Add the uncertainty of oscillators' frequency and quality to the covariance, with shares of `fit` by level.
-
-    A Lorentz peak with damping a = πf₀/Q over T has the variances a/T of ω and 1/aT of ln a (Whittle's likelihood)."""
+    """Add the uncertainty of oscillators' frequency and quality to the covariance, with shares of `fit` by level. A
+    Lorentz peak with damping a = πf₀/Q over T has the variances a/T of ω and 1/aT of ln a (Whittle's likelihood)."""
     duration = float(wv.samples) / wv.rate
     for process in terms:
         if not isinstance(process, OSC):
@@ -275,8 +272,7 @@ FEWEST = 24
 MIXED = 0.5
 """Share of slow noise in the density up to which frequencies count for the shape."""
 FAST = 20.0
-"""Correlation time (samples) up to which GM is noise at high frequencies; its corner, 1/126 of the rate, is where the
-shape's fit begins."""
+"""Correlation time (samples) up to which GM is fast noise; above its corner, 1/126 of the rate, the shape is fitted."""
 MEMORY = 2000.0
 """Correlation time (samples) from which an AR(2) describes a spectral line, not a shape."""
 

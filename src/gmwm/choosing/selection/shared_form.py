@@ -21,8 +21,7 @@ in the mean, so few axes get one (tests/selection/test_shared_form.py)."""
 ONE_TERM = 2
 """Additional parameters of an axis, those of one GM term (tests/selection/test_shared_form.py)."""
 GROSS = 5.0
-"""Ratio of a fitted to a measured wavelet variance that the new model of an axis may exceed at no level, unless the old
-model does (tests/selection/test_shared_form.py)."""
+"""Ratio to measured variances that a new model exceeds only if the old does (tests/selection/test_shared_form.py)."""
 
 
 def with_shared_form(choices: Mapping[str, ModelChoice]) -> dict[str, ModelChoice]:

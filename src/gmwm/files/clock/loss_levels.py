@@ -1,6 +1,4 @@
-"""Estimate the number of samples lost before each row. This level is a whole number, and is estimated from noisy
-values, which `gmwm.files.clock.sampling_interval` defines.
-"""
+"""Estimate the whole number of samples lost before each row from noisy values of `sampling_interval`."""
 
 from __future__ import annotations
 

@@ -89,10 +89,8 @@ def nominal_interval(ticks: Vector) -> float:
 
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> OrderedStamps:
-    """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
-    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks, a day or a week are added to it. For time stamps that are not
-    integers, the ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one
-    sampling interval when an hour is added or subtracted."""
+    """Undo wraps of a counter and summer time. A step back is a wrap if 2¹⁶, 2²⁴ or 2³² ticks (unless `integer`, also
+    ns, µs or ms), a day or a week make it 1 to 64 intervals. It is summer time if an hour makes it one interval."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
         return OrderedStamps(ticks, ClockSteps())

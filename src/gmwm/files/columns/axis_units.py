@@ -109,8 +109,7 @@ _USUAL = (0.003, 0.1)
 _QUIET_SHARE = 0.1
 """Share of windows that are quieter than the one whose noise is stated, so that motion elsewhere does not matter."""
 _CLEAR = 0.7
-"""Correlation between turns of gravity and gyroscopes above which the turns are a witness. Both are noise at rest;
-pinned by tests/readers/test_units.py."""
+"""Correlation of turns of gravity and gyroscopes above that of noise at rest (tests/readers/test_units.py)."""
 
 
 def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float) -> UnitError:

@@ -1,7 +1,6 @@
 """Convert named arrays to the columns of a recording, for NumPy, MATLAB and HDF5 files.
 
-Arrays of equal length form a recording, three columns named as a sensor are x, y and z, and scalars, such as the rate,
-describe the others."""
+Arrays of equal length form a recording, three columns named as a sensor x, y, z; scalars, as the rate, describe it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Read the files of ROS recordings: list the topics in a file, and yield the bytes of the messages of one topic.
 
 rosbags takes 1.3 (SQLite), 4 (ROS 1) and 4.7 (MCAP) times as long for 100 000 messages, decompresses without limit,
-skips the log of an unclosed database, refuses other MCAP profiles, and fails with foreign errors on 2 %, 10 % and 47 %
-of damaged files."""
+skips logs of unclosed databases, refuses MCAP profiles, and has foreign errors for 2 %, 10 % and 47 % of damage."""
 
 from __future__ import annotations
 

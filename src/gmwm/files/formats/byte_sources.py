@@ -1,7 +1,6 @@
 """Sources of bytes: a file, a compressed file, or a member of a zip archive.
 
-Unpacked bytes are counted: a decompression bomb raises an error before it fills disk or memory, and so does a truncated
-file (formats mark their end)."""
+Unpacked bytes are counted: decompression bombs raise an error before they fill the disk, as do truncated files."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Detect the dialect of a text file from 64 kB: delimiter, decimal sign, comments, header, first line of numbers.
 
-Numbers and stamps have forms; lines above are titles, headers, units and comments. tests/readers/test_text.py and
-test_headers.py pin the thresholds."""
+Lines above are titles, headers, units and comments (thresholds: tests/readers/test_text.py, test_headers.py)."""
 
 from __future__ import annotations
 

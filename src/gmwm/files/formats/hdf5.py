@@ -1,7 +1,6 @@
 """Read data sets, tables of records and groups from HDF5 files and from MATLAB files of version 7.3.
 
-Links to other files, and virtual or external data sets, are ignored. Attributes state units (unit, units) and the rate;
-a description may state units."""
+Links to other files, virtual and external data are ignored. Attributes, or a description, state units and the rate."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Recognise the forms of lines, numbers and time stamps in text: names before numbers, decimal commas, and seconds with
-their fraction in a column of its own.
-"""
+"""Recognise forms of lines in text: names before numbers, decimal commas, and seconds apart from their fraction."""
 
 from __future__ import annotations
 

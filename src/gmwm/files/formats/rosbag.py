@@ -1,7 +1,6 @@
 """Read ROS recordings without ROS: bags of ROS 1, and databases and MCAP files of ROS 2, as files or directories.
 
-Topics with numbers are recordings, inertial by type sensor_msgs/Imu or names of axes. The time is the header's stamp,
-or that of recording."""
+Topics with numbers are recordings, inertial by type sensor_msgs/Imu or by names, with times of headers or recording."""
 
 from __future__ import annotations
 

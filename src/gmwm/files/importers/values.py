@@ -1,6 +1,4 @@
-"""The noise numbers of one axis as datasheets and filters state them, their units, and their conversion to a noise
-model.
-"""
+"""Noise numbers of an axis as datasheets and filters state them, their units, and their conversion to a model."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Build the samples of a recording from the rows of a file: in SI units, split at gaps, with a summary of all rows.
 
 Temperatures are interpolated between readings, also of rows without samples, by increasing time stamps or else row
-numbers. The first reading serves before it, and the last one for more than `MOST_ROWS_APART` rows without. Chunks have
-no effect."""
+numbers. The first one serves before it, and the last one for over `MOST_ROWS_APART` rows. Chunks have no effect."""
 
 from __future__ import annotations
 
@@ -158,8 +157,7 @@ class RowSummary:
 
 
 class SampleBuilder:
-    """Builds samples from rows, from `first` on; `lost_before`: the previous row is lost; `owned` arrays are changed in
-    place, which saves a copy."""
+    """Builds samples from rows from `first` on; `lost_before`: the row before is lost; `owned` saves a copy."""
 
     def __init__(
         self, found: Interpretation, first: int = 0, lost_before: bool = False, *, owned: bool = False

@@ -1,7 +1,6 @@
 """Divide a long recording into consecutive parts that other processes or machines can read independently.
 
-A part has a range of rows, and the recording's columns, units, rate and segments. A few rows before it show whether the
-sample before it is lost."""
+A part has a range of rows and the recording's properties; rows before it show whether the last one there is lost."""
 
 from __future__ import annotations
 
@@ -26,12 +25,10 @@ SHORTEST_PART = 4096  # smallest number of rows of a part. Reading fewer rows ta
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Consecutive rows of a recording in a file, small enough to be sent to other processes. Iteration yields chunks,
-    as for a `Stream`.
+    """Consecutive rows of a recording in a file, small enough to be sent to other processes. Iteration yields chunks.
 
     Segment 0 is that in which the previous part ends, so a part after a gap begins with segment 1. `bytes` shows
-    changes of the file, `found` is from its first rows, `back`, `begin`, `end` are marks before, at the start and
-    end."""
+    changes of the file; `back`, `begin` and `end` are marks before the part, at its start and at its end."""
 
     path: Path
     bytes: int

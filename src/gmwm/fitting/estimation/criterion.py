@@ -1,5 +1,4 @@
-"""Wavelet information criterion, the expected loss on another recording: the objective, which is smaller for a fit's
-own data, plus the mean difference (optimism)."""
+"""Wavelet information criterion, the expected loss of a fit on another recording: its objective plus its optimism."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Compiled `branch_and_bound` and iterated weights for processes with exponential autocovariances.
-
-tests/estimation/test_exponential_search.py compares both."""
+"""Compiled `branch_and_bound` and iterated weights (compared in tests/estimation/test_exponential_search.py)."""
 
 from __future__ import annotations
 

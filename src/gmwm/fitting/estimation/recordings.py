@@ -1,8 +1,7 @@
 """Deviations of the parameters of single recordings from a fit to all of them, by linearisation near the estimate.
 
-The logarithms of recording r, whose curve differs by z_r, deviate by δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r with Cov
-δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹, one step of a fit. V_r comes from the common fit: low variances would get too large
-weights."""
+The logarithms of recording r, whose curve differs by z_r, deviate by δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r, Cov δ_r =
+(D_rᵀ V_r⁻¹ D_r)⁻¹. V_r comes from the common fit: low variances would get too large weights."""
 
 from __future__ import annotations
 

@@ -36,11 +36,9 @@ class FixedPointLimits:
     tolerance: float = 1e-11
     """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
     curve_freedom: float = 1000.0
-    """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance. Without the
-    average, a level at which the model is far below the data would have a large weight. The average causes a relative
-    bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are the
-    degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
-    coverage of their intervals."""
+    """Degrees of freedom of the fitted curve in the average with the data that scales the covariance, against large
+    weights of levels far above the model. It biases a level by at most 4 / (η + 1000), small against √(2/η), with η
+    degrees of freedom; docs/validation/weighting.md has the effect on estimates and intervals."""
     mixed_iterations: int = 5  # largest number of previous iterations that are combined into the next one
     singular_cutoff: float = 1e-6  # relative singular value below which a direction of the combination counts as zero
     longest_step: float = 0.7
@@ -75,10 +73,9 @@ def settle(
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
 ) -> WeightedSolution:
-    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, from weights of the data or of the model
-    `start`. A last search with the final weights makes the estimate the proven optimum of the objective with the
-    recorded Ω; `search` omits it, if `start` is from almost the same data. If estimates alternate, the final weights
-    come from the likeliest mixture of all processes. The relative change `fixed` of the curve ends an iteration."""
+    """Iterate estimate and weights until they agree (relative change `fixed`), from weights of the data or of `start`.
+    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data. If estimates
+    alternate, weights come from the likeliest mixture of all processes."""
 
     # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
     agreement = 1e-6

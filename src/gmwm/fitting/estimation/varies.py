@@ -1,5 +1,4 @@
-"""Dependence of a term on a known condition: its variance as a sum of known functions such as "1 + rate**2", or its
-shape by a link such as β = exp(a + b rate)."""
+"""Dependence of a term on a condition: of its variance, as "1 + rate**2", or its shape, as β = exp(a + b rate)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Plan a recording, with the standard errors of the parameters of a model as functions of the length of the
-recording."""
+"""Plan a recording: standard errors of a model's parameters as functions of its length."""
 
 from __future__ import annotations
 

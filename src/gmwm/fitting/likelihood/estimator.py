@@ -406,10 +406,9 @@ def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:
-    """Return a remark if a model does not describe the wavelet variance of its recording. Most information in the
-    samples is about the fastest process, so errors at long scales hardly affect the likelihood or the whiteness. η_j
-    ν̂²_j / ν²_j is about chi-square with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's
-    method."""
+    """Return a remark if a model does not describe its recording's wavelet variance: most information is about the
+    fastest process, so long scales hardly affect the likelihood or the whiteness. η_j ν̂²_j / ν²_j is about chi-square
+    with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's method."""
     from scipy.special import gammainc, gammaincc
 
     # Significance level, small because the fit does not minimise this distance (tests/likelihood/test_misfit.py).

@@ -96,9 +96,8 @@ class Design:
 
     @property
     def for_weights(self) -> Design:
-        """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %.
-
-        Weights with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""
+        """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %. Weights
+        with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""
         if self.excess is None:
             return self
         # Largest relative error by which the excess changes weights (tests/covariance/test_excess.py).

@@ -3,8 +3,7 @@
 Cov(ν̂_j², ν̂_k²) is the cross-spectrum at frequency 0 of the squares S_j(t) = W_{j,t}², divided by their number M. K
 sine tapers v_q estimate it, as the mean over q of y_j(q) y_k(q), y_j(q) = Σ_t v_q(t) [S_j(t) − ν̂_j²]. Their
 frequencies, up to (K + 1) / (2M), must be much smaller than 2^−k, the bandwidth of the coarser level k, so K follows
-from M / 2^k. Levels with few pieces are averaged with the Gaussian covariance of the likeliest mixture of all processes
-(`GAUSSIAN_TAPERS`)."""
+from M / 2^k. Levels with few pieces are averaged with the Gaussian covariance of the likeliest mixture."""
 
 from __future__ import annotations
 

@@ -18,9 +18,8 @@ def hermite_weights(efficiency: float) -> Vector:
 
         Cov(ν̃_j², ν̃_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k),
 
-    with the correlation ρ_jk(u) of W_{j,t} and W_{k,t+u}. c_q = q! b_q² / b_2², with b_q = E[ρ(r) He_q(r)] / q! of the
-    biweight ρ. The classical estimate has only c_2 = 2; otherwise Σ c_q = 2 / efficiency, as the last weight has the
-    sum beyond 16."""
+    with the correlation ρ_jk(u) of W_{j,t} and W_{k,t+u}. c_q = q! b_q² / b_2², b_q = E[ρ(r) He_q(r)] / q!, biweight ρ.
+    The classical estimate has c_2 = 2 only; otherwise Σ c_q = 2 / efficiency, the last with the sum beyond 16."""
     return _weights(float(efficiency))
 
 

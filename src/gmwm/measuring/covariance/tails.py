@@ -152,10 +152,8 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E (J, J) of heavy tails or a varying variance; None if Gaussian noise explains
-    it.
-
-    `wv` is the classical Haar variance. Moments at lags have the loading of level 1."""
+    """Estimate the relative covariance E (J, J) of heavy tails or a varying variance for a classical Haar `wv`, or None
+    if Gaussian noise explains it. Moments at lags have the loading of level 1."""
     haar = wv if wv.without_lags is wv else wavelet_variance(x)
     sums = TailSums() if haar is wv else TailSums(LIMITS.block_with_lags, LIMITS.chance_with_lags)
     for segment in x.segment_values():

@@ -311,10 +311,8 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the white noise density of each gyroscope (rad/s/√Hz), by medians, which ignore knocks.
-
-        It is the smaller of those from first differences, which a line raises, and block means, which a drift
-        raises."""
+        """Return each gyroscope's white noise density (rad/s/√Hz): the smaller of medians, which ignore knocks, of
+        first differences (raised by lines) and block means (raised by drifts)."""
         densities, rate = {}, max(self._extent.rate, _SLOWEST)
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])

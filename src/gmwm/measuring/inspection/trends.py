@@ -1,6 +1,5 @@
-"""Find trends that the mean of an axis follows in addition to noise: smooth functions of time, such as a warm-up, and
-periodic changes of which a recording shows only a few periods, as from air conditioning.
-"""
+"""Find trends of the mean of an axis: smooth functions, such as a warm-up, and periodic changes of few periods in the
+recording, as from air conditioning."""
 
 from __future__ import annotations
 
@@ -263,9 +262,8 @@ def best_swing(likelihood: Likelihood) -> SwingFit:
 
 
 def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Swing | None:
-    """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise.
-
-    As `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too."""
+    """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise. As
+    `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too."""
     length = level_length(extent.samples)
     _, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):

@@ -1,8 +1,7 @@
 """Likelihood of block means: white noise, random walk, Gauss-Markov process and a course.
 
 The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means has the variances λ_k = σ² (2 − 2 cos θ_k)
-+ γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, exactly but for g (validation/study_trends.py). A grid gives the global
-maximum."""
++ γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, exactly but for g (validation/study_trends.py). A grid finds the maximum."""
 
 from __future__ import annotations
 
@@ -171,8 +170,7 @@ class Likelihood:
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
     def with_step(self, models: Integers, first: int) -> float:
-        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
-        models."""
+        """Return the smallest −2 log L of noise models with a jump between or within blocks from `first` on."""
         return float(np.min(self.with_steps(models, first + 1, self.z.size)))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:

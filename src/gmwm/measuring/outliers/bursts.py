@@ -1,8 +1,7 @@
 """Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
 
-Large coefficients of heavy tails are scattered; a knock has many neighbouring ones with both signs, as the sensor
-returns. At half a scale apart, a wrong sample or a jump changes up to two, two wrong samples four, and a simple pulse
-three or four."""
+Large coefficients of heavy tails are scattered; a knock has many neighbours with both signs, as the sensor returns.
+Half a scale apart, a wrong sample or jump changes up to two, two wrong samples four, a simple pulse three or four."""
 
 from __future__ import annotations
 
@@ -262,8 +261,7 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
 
 
 def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBursts:
-    """Return the pulses at one level of a panel: short changes of the mean, which make only few coefficients large. The
-    constants are pinned by tests/outliers/test_pulses.py."""
+    """Return pulses: short changes of the mean, with few large coefficients (tests/outliers/test_pulses.py)."""
     from scipy.special import bdtrc
 
     ratio = np.abs(level.w) / level.limit(level.at)

@@ -1,6 +1,4 @@
-"""Screen the samples of an axis in one pass for bursts, isolated wrong samples and heavy tails, and replace wrong
-samples.
-"""
+"""Screen samples in one pass for bursts, wrong samples and heavy tails, and replace wrong samples."""
 
 from __future__ import annotations
 

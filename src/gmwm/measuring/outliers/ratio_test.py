@@ -87,10 +87,9 @@ def other_efficiency(efficiency: float) -> float:
 
 
 def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
-    """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
-    None. The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the
-    curves therefore has at most the variance of the log ratio of the classical curve to the less efficient one, whose
-    standard errors are in the `verdict` on `robust`. A difference of 1 % is tolerated."""
+    """Return the level at which two robust curves of a recording differ most, if by more than chance and 1 %, or None.
+    Both errors are expansions in the same Hermite polynomials, so their log ratio has at most the variance of that of
+    the classical to the less efficient curve, whose standard errors are in `verdict`."""
     from scipy.special import ndtri
 
     assert robust.efficiency is not None

@@ -246,10 +246,9 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
-    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk. Near the
-    threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, residuals
-    are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins below the
-    threshold follow until one has no clear surplus. The choice has a fixed seed."""
+    """Select residuals beyond the bulk, at random (fixed seed), so that the number of the others agrees with it: near
+    the threshold, spikes resemble its tails. In each bin as many as exceed the bulk are chosen, far beyond all. Bins
+    below the threshold follow until one has no clear surplus."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
     if not np.isfinite(threshold):
         return chosen
@@ -283,8 +282,7 @@ def _smallest_certain(count: int, samples: int, freedom: float) -> float:
 
 
 def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
-    """Return Σ x² of the wrong samples that are too small to be found, from the `deviation` of the others (unit
-    `limit`).
+    """Return Σ x² of wrong samples too small to be found, from the `deviation` of the others (unit `limit`).
 
     Their density above the smallest, or just beyond `certain`, continues below: constant, or linear to zero if it falls
     by three standard errors (similar sizes, hidden by the noise), or by a power law like Cauchy's (Hill 1975)."""

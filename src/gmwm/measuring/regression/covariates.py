@@ -181,9 +181,8 @@ def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: S
 
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
-    """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
-    The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
-    DataError if there is no such level, or if the recording has too few blocks of its scale."""
+    """Return the finest level with a small reading error, and the quantization step, 0 if noise dithers readings (means
+    are then accurate). DataError without such a level, or with too few blocks of its scale."""
     step = lsb(values)
     step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
@@ -200,10 +199,9 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """Return the finest level at which the wavelet variance of a covariate is `LEAST_COVARIATE_RATIO` times that of its
-    reading error. Each reading may be held for several samples. At longer scales, the reading error is white, so its
-    wavelet variance decreases with the scale. The total variance decreases until the changes of the covariate dominate.
-    Without noise, the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
+    """Return the finest level with `LEAST_COVARIATE_RATIO` times the variance of a covariate's reading error. Beyond
+    held readings, the error is white, so its variance falls with the scale until the covariate dominates. Without
+    noise, quantization steps q have q²/12, used at every scale."""
     curve = wavelet_variance(replace(signal, values=values, unit="", axis="")).variance
     run = values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)  # samples with the same reading
     valley = 0 if step else min(max(int(np.ceil(np.log2(run))), 0), curve.size - 1)

@@ -1,9 +1,8 @@
 """Generalised least squares with a weight w_k = 1/S(f_k) for each frequency: the estimate and its exact covariance.
 
-For y = X β + ε with covariance Σ and density S(f), and the orthonormal DCT-II C of a span without its mean (f_k =
-k/2n): U = Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, Cov β̂ = B Σ Bᵀ. It is the best linear unbiased one for white
-noise and walks (others: docs/validation/regression.md). With gaps, U solves R Cᵀ diag(1/w) C Rᵀ U = X − 1 μᵀ, 1ᵀ U = 0,
-where R selects values."""
+For y = X β + ε, covariance Σ, density S(f), and the orthonormal DCT-II C of a span without its mean (f_k = k/2n): U =
+Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, Cov β̂ = B Σ Bᵀ, the best linear unbiased one for white noise and walks
+(docs/validation/regression.md). With gaps (R selects values), R Cᵀ diag(1/w) C Rᵀ U = X − 1 μᵀ, 1ᵀ U = 0."""
 
 from __future__ import annotations
 

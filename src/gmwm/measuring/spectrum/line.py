@@ -109,9 +109,8 @@ CORRELATIONS = (1.0, 2 / 3, 1 / 6)
 def measured_line(
     spectrum: PowerSpectrum, first: int, last: int, *, level: float, freedom: float, height: float, p_value: float
 ) -> Line:
-    """Measure the line in bins `first` to `last`, from the excess over `level`: A²/2 is its sum, the frequency its
-    mean, the width its second moment, with errors by the density's covariance (sinusoid if narrow, else narrow-band
-    noise)."""
+    """Measure the line in bins `first` to `last` from the excess over `level`: its sum is A²/2, its mean the frequency,
+    its second moment the width, with the density's errors (sinusoid if narrow, else narrow-band noise)."""
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
     if excess.sum() <= 0:  # the nulls of a filter beside the peak are deeper than the peak is high

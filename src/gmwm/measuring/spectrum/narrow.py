@@ -116,8 +116,7 @@ _BINS, _WIDTHS = 40, 6.0
 _MOST = 200  # number of densities from which neighbours are averaged
 _SINUSOID = 0.01  # damping times the length of a block of a line that is indistinguishable from a sinusoid
 _GAIN = 25.0
-"""Smallest reduction of the deviance by a width. Sinusoids in noise exceed it in fewer than 1 of 200 recordings
-(tests/spectrum/test_resonance.py)."""
+"""Gain of deviance by a width that < 1 of 200 sinusoids in noise exceeds (tests/spectrum/test_resonance.py)."""
 
 
 class Resonance(NamedTuple):
@@ -129,9 +128,8 @@ class Resonance(NamedTuple):
 
 
 def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Line | Bump]) -> Resonance | None:
-    """Return the oscillator that a peak shows; None for a sinusoid, or a failed fit.
-
-    The Lorentz density over Hann blocks has a closed form, also below the resolution: a sinusoid has no far flanks."""
+    """Return the oscillator that a peak shows; None for a sinusoid, or a failed fit. The Lorentz density over Hann
+    blocks has a closed form, also below the resolution: a sinusoid has no far flanks."""
     spacing = spectrum.rate / spectrum.length
     reach = min(max(_BINS * spacing, _WIDTHS * peak.width), 0.8 * peak.frequency)
     used = np.abs(spectrum.frequencies - peak.frequency) <= reach

@@ -15,8 +15,7 @@ from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.lazy import scipy
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
-"""Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
-resonances (tests/spectrum/test_short_memory.py)."""
+"""Roots (p, q) to add, for filters to order 4, averages and resonances (tests/spectrum/test_short_memory.py)."""
 HIGHEST_ORDER = 10  # largest order p or q
 LARGEST_ERROR_AT_ZERO = 0.05
 """Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""

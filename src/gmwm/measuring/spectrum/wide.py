@@ -85,9 +85,8 @@ def wide_peaks(
     spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], *, narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
 ) -> tuple[list[Line], list[Bump]]:  # fmt: skip
-    """Return the significant wide lines and bumps. `level` is the significance level for all bins of all grids
-    together, by Bonferroni's inequality, and `free` marks the bins without a narrow peak. A broad base of the lines and
-    bumps in `narrow` is not reported as another peak."""
+    """Return significant wide lines and bumps (Bonferroni over all bins of all grids), without broad bases of those in
+    `narrow`; `free` marks bins without a narrow peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
     peaks: list[WidePeak] = []

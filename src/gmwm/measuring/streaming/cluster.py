@@ -1,5 +1,4 @@
-"""Compute the wavelet variance of one long recording in parts, on the workers of a Dask cluster, and merge the
-parts."""
+"""Compute the wavelet variance of a long recording in parts, on workers of a Dask cluster, and merge them."""
 
 from __future__ import annotations
 

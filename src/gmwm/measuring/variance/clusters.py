@@ -158,9 +158,8 @@ def cluster_variance(
 def of_parts(
     x: Any, measure: Callable[[Any, Any], ClusterVariance], clusters: Any, divisor: int
 ) -> ClusterVariance | ResultsByAxis[ClusterVariance] | None:
-    """Return variances by axis or column, or pooled over segments; None for one signal without unfilled gaps.
-
-    `measure` takes a signal and cluster sizes, up to N/divisor of a segment with N samples."""
+    """Return variances by axis or column, or pooled over segments; None for one signal without unfilled gaps. `measure`
+    takes a signal and cluster sizes, up to N/divisor of a segment with N samples."""
     if (signals := signals_of(x)) is not None:
         return ResultsByAxis(results={axis: measure(signal, clusters) for axis, signal in signals.items()})
     if not isinstance(x, Signal) or len(x.segments) == 1:

@@ -19,8 +19,7 @@ class CoefficientSource(Protocol):
     counts: Integers
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return Σ v q³, Σ v q⁴ and their number from one in `every` W; v = min(W²/limit, 1), q = 1 − v, limit 0:
-        skip."""
+        """Return Σ v q³, Σ v q⁴ and their number, for one in `every` W; v = min(W²/limit, 1), q = 1 − v, 0: skip."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""

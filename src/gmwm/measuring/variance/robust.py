@@ -1,7 +1,6 @@
 """Robust wavelet variance, the M-estimate of scale of the coefficients at each level.
 
-Newton's method finds approximate roots from the median of a sample; two or three passes over all coefficients refine
-them."""
+Newton's method starts at the median of a sample; two or three passes over all coefficients refine its roots."""
 
 from __future__ import annotations
 
@@ -59,9 +58,8 @@ class RobustVariances:
 
 
 def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level: the root of mean ρ(W/σ) = a with a falling left side, from (MAD /
-    0.67449)². If the MAD is 0, as at fine levels of coarsely quantized signals, it starts at the median of nonzero
-    |W|."""
+    """Compute the M-estimate of σ² by level, the root of mean ρ(W/σ) = a with a falling left side, from (MAD /
+    0.67449)². If the MAD is 0, as at fine levels of quantized signals, it starts at the median of nonzero |W|."""
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
     _polish(source, levels, tuning)

@@ -34,9 +34,8 @@ MOST_CELLS = 1 << 17  # largest number of cells of a level
 
 @dataclass(frozen=True, eq=False)
 class MedianCells:
-    """Counts of |W| in narrow cells around the median, as fine as their maximum number allows; merged in any order. A
-    cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits in
-    ascending order, and `counts` the numbers of |W|."""
+    """Counts of |W| in cells around the median, as fine as their maximum number allows; merged in any order. `cells`
+    are leading bits in ascending order, without `shift` low-order bits."""
 
     shift: int = LEAST_OMITTED_BITS
     cells: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))

@@ -4,10 +4,9 @@ A sample is a level (mean of w samples on each side), a linear prediction of its
 side, by the autocovariance about the level, and a residual: that of a random known place, with random sign. w has the
 smallest prediction error. Beyond 64 samples the level is a straight line, and only ends are predicted.
 
-With the best linear prediction, the second moments are those without losses, so the wavelet variance is unbiased at
-every level. A mean would make it too small at short scales, and an interpolation too large at long ones. Measured in
-tests/filling. Source: Journel, A. G. (1974), Geostatistics for conditional simulation of ore bodies, Economic Geology
-69, 673-687."""
+With the best linear prediction, second moments are those without losses, so the wavelet variance is unbiased; a mean
+would make it too small at short scales, an interpolation too large at long ones (tests/filling). Journel, A. G. (1974),
+Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687."""
 
 from __future__ import annotations
 

@@ -57,9 +57,8 @@ def steep_filters(batch: Batch) -> dict[str, SteepFilter]:
 
 
 def averaged(recording: Imu | Streamed, length: int, memories: Mapping[str, float]) -> Imu | Streamed:
-    """Return means of `length` samples, without incomplete ones before a gap.
-
-    A filter's memory m correlates means, density 1 − d + d cos ω, d = m / length; a first-order recursion undoes it."""
+    """Return means of `length` samples, without incomplete ones before a gap. A filter's memory m correlates means,
+    density 1 − d + d cos ω, d = m / length; a first-order recursion undoes it."""
     if not isinstance(recording, Imu):
         return _AveragedStream(recording, length, memories)
     first = recording.signals[recording.axes[0]]

@@ -1,6 +1,5 @@
-"""Recognise patterns in the values of an axis: words that overflowed, which are undone; a log that a program resampled
-by straight lines; and noise that switches between two levels (popcorn noise, random telegraph noise).
-"""
+"""Recognise patterns in values: words that overflowed, which are undone; resampling by straight lines; and noise that
+switches between two levels (popcorn noise, random telegraph noise)."""
 
 from __future__ import annotations
 
@@ -26,11 +25,9 @@ _CONTINUOUS = 8.0
 
 
 def modulus_of(values: Vector) -> tuple[float, float] | None:
-    """Return the range 2^b (unit of the axis) of a word that wrapped, and the commoner side's median; None without
-    wraps.
-
-    Values are at both ends of the word, and moved by 2^b they continue without gap or overlap, unlike wrong samples or
-    flipped bits."""
+    """Return the range 2^b (unit of the axis) of a word that wrapped, and the median of the more frequent side, or
+    None. Values are at both ends of the word, and moved by 2^b they continue without gap or overlap, unlike wrong
+    samples."""
     lowest, highest = float(np.min(values)), float(np.max(values))
     reach = 2 * _REACH * (highest - lowest)
     if np.any((values[:_FEWEST] > lowest + reach) & (values[:_FEWEST] < highest - reach)):

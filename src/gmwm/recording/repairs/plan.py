@@ -200,8 +200,7 @@ def _frozen_length(values: Vector, same: Mask) -> int:
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:
-    """Return the smallest number of samples in a row on a straight line that chance does not explain; 0 without such a
-    row, or if most of the log is interpolated."""
+    """Return the least straight run of samples beyond chance; 0 without one, or if most of the log is interpolated."""
     line = straight(values, begins)
     if line.size < 3:
         return 0

@@ -81,9 +81,8 @@ _ADVICE = ("Keep your covariances of the integration and of the initial bias: th
 
 
 class _Gtsam(TwoNumbers):
-    """Base class of GTSAM's formats with four 3 × 3 continuous-time covariances.
-
-    Source: `PreintegrationParams.h`, `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM."""
+    """Base class of GTSAM's formats with four 3 × 3 continuous-time covariances. Source: `PreintegrationParams.h`,
+    `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM."""
 
     meaning = _MEANING
     usage = _ADVICE

@@ -266,10 +266,8 @@ def export_all(
     calibration: Calibration, folder: str | os.PathLike[str], *, axes: Rule | None = None, inflation: float = 1.0,
     horizon: float = DEFAULT_HORIZON_S, rate: float | None = None, duration: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:  # fmt: skip
-    """Export a calibration in every format, with the options that apply (see `export`), into an existing folder.
-
-    With `axes="each"`, formats with one number per sensor use their default rule. Returns the file, or the reason why
-    there is none, by format."""
+    """Export a calibration in every format into an existing folder; return files, or reasons, by format. With
+    `axes="each"`, formats with one number per sensor use their default rule."""
     written: dict[str, Path] = {}
     reasons: dict[str, str] = {}
     for exporter in registered():

@@ -131,9 +131,8 @@ class LioSam(_YamlKeys):
 
 @register
 class FastLio(_YamlKeys):
-    """FAST-LIO's discrete variances: a step Δt adds Δt² times them to the covariance.
-
-    Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO."""
+    """FAST-LIO's discrete variances: a step Δt adds Δt² times them to the covariance. Source: `config/velodyne.yaml`
+    and `IMU_Processing.hpp` of FAST-LIO."""
 
     name = "fastlio"
     title = "FAST-LIO and FAST-LIO2"
@@ -161,9 +160,8 @@ class FastLio(_YamlKeys):
 
 @register
 class OrbSlam3(_YamlKeys):
-    """ORB-SLAM3's continuous-time noise densities, which it converts, and the sampling rate.
-
-    Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3."""
+    """ORB-SLAM3's continuous-time noise densities, which it converts, and the sampling rate. Source:
+    `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3."""
 
     name = "orbslam3"
     title = "ORB-SLAM3"
@@ -211,9 +209,8 @@ class Vins(_YamlKeys):
 
 @register
 class Okvis2(_YamlKeys):
-    """OKVIS 2's continuous-time noise densities, and biases at rest with standard deviations.
-
-    Source: `config/euroc.yaml` and `ImuParameters` of `okvis/Parameters.hpp`."""
+    """OKVIS 2's continuous-time noise densities, and biases at rest with standard deviations. Source:
+    `config/euroc.yaml` and `ImuParameters` of `okvis/Parameters.hpp`."""
 
     name = "okvis2"
     title = "OKVIS 2 (imu_parameters)"
@@ -323,7 +320,6 @@ FRAME_RATE_HZ = 10.0  # Number of lidar frames per second (Hz). The value is the
 @register
 class Glim(JsonFile):
     """GLIM's noise densities N, biases at rest, and one random walk: the change of a bias between two lidar frames.
-
     Source: `config/config_sensors.json`, `odometry_estimation_imu.cpp` and `imu_integration.cpp` of GLIM."""
 
     name = "glim"
@@ -356,9 +352,8 @@ class Glim(JsonFile):
 
 @register
 class Basalt(JsonFile):
-    """Basalt's noise densities of each axis and constant biases: calibrated = (I + scale) raw − bias.
-
-    Source: `calibration.hpp` and `calib_bias.hpp` of basalt-headers."""
+    """Basalt's noise densities of each axis and constant biases: calibrated = (I + scale) raw − bias. Source:
+    `calibration.hpp` and `calib_bias.hpp` of basalt-headers."""
 
     name = "basalt"
     title = "Basalt (value0 of calibration.json)"

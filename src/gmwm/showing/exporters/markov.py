@@ -167,9 +167,8 @@ _DEGREE = math.pi / 180
 
 @register
 class GnssInsSim(GaussMarkov):
-    """gnss-ins-sim's constant bias, N and Gauss-Markov bias (σ, T) of each axis.
-
-    Source: `imu_model.py` and `pathgen.py` (`bias_drift`) of gnss-ins-sim."""
+    """gnss-ins-sim's constant bias, N and Gauss-Markov bias (σ, T) of each axis. Source: `imu_model.py` and
+    `pathgen.py` (`bias_drift`) of gnss-ins-sim."""
 
     name = "gnss-ins-sim"
     title = "gnss-ins-sim (dictionary for imu_model.IMU)"
@@ -209,9 +208,8 @@ def _python(key: str, numbers: Sequence[Number], mark: str) -> str:
 
 @register
 class NaveGo(GaussMarkov):
-    """NaveGo's N, range of the constant bias, and Gauss-Markov bias (σ, T) of each axis.
-
-    Source: `imu_si_errors.m`, `noise_b_sta.m` and `noise_b_dyn.m` of NaveGo, and its examples."""
+    """NaveGo's N, range of the constant bias, and Gauss-Markov bias (σ, T) of each axis. Source: `imu_si_errors.m`,
+    `noise_b_sta.m` and `noise_b_dyn.m` of NaveGo, and its examples."""
 
     name = "navego"
     title = "NaveGo (structure for imu_si_errors)"

@@ -112,7 +112,6 @@ def _not_in_variances(calibration: Calibration) -> Iterator[Remark]:
 @register
 class Autoware(Exporter):
     """Gyroscope offsets, which Autoware's imu_corrector subtracts, and standard deviations, squared in its messages.
-
     Source: `imu_corrector_core.cpp` and `imu_corrector.param.yaml` of Autoware."""
 
     name = "autoware"
@@ -158,9 +157,8 @@ class Autoware(Exporter):
 
 @register
 class Dlio(Exporter):
-    """DLIO's biases at rest: corrected = sm · raw − bias, with the scale matrix sm; it has no noise parameters.
-
-    Source: `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry."""
+    """DLIO's biases at rest: corrected = sm · raw − bias, with the scale matrix sm; it has no noise parameters. Source:
+    `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry."""
 
     name = "dlio"
     title = "DLIO (dlio.yaml)"

@@ -2,8 +2,7 @@
 
 A function with the decorator `drawing` returns a description, a `Figure` of `gmwm.showing.plots.figure`, which
 Matplotlib, imported at the first plot, draws; `description(plot)` returns the function itself. Parts, such as
-`fit_panel`, return a `Panel`. Figures are not registered with pyplot, so they need not be closed, and notebooks display
-them."""
+`fit_panel`, return a `Panel`. Figures are not registered with pyplot: notebooks display them, and none is closed."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

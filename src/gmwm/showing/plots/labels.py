@@ -201,8 +201,7 @@ class View:
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the position of ν² (data's unit squared): itself, or √(2ν²), as the Allan variance at τ/2 is twice the
-        Haar variance at τ."""
+        """Return the position of ν²: itself, or √(2ν²), as the Allan variance at τ/2 is twice the Haar one at τ."""
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
             return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)

@@ -212,8 +212,7 @@ EFFECT = Stroke(ORANGE, 2.2)
 
 
 def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Panel:
-    """Return `plot_regression`'s panel: block means against the first covariate, before and after the removal, and the
-    effect with its 95 % band."""
+    """Return `plot_regression`'s panel: block means before and after removal, and the effect with its 95 % band."""
     unit, factor = regression.unit, 1.0
     if units == "datasheet" and (others := datasheet_units(regression.unit)):
         unit, factor = next(iter(others.items()))

@@ -48,9 +48,8 @@ def safe(text: str) -> str:
 
 
 def plotly_panel(panel: Panel) -> dict[str, Any]:
-    """Convert a panel to "data" (traces), "layout" and "entries" (of the legend).
-
-    A click on an entry hides marks of this name, and unnamed ones of its colour."""
+    """Convert a panel to "data" (traces), "layout" and "entries" (of the legend). A click on an entry hides marks of
+    this name, and unnamed ones of its colour."""
     across, up = Scale(panel.x), Scale(panel.y)
     seen: set[str] = set()
     drawn: list[tuple[int, dict[str, Any]]] = []

@@ -107,7 +107,6 @@ def state_of(remark: Remark) -> State:
 
 def verdict(calibration: Calibration) -> dict[str, Any]:
     """Return the verdict box: "state", "code", "headline" and "points", each of "state", "code" and "text" (HTML).
-
     Remarks that affect numbers come first, then the main results."""
     head = calibration.verdict
     equality = equality_remarks(calibration)
@@ -210,10 +209,8 @@ _WITHOUT_REMARK = {
 
 
 def filter_tables(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> list[dict[str, Any]]:
-    """Return each sensor's table: "sensor", "title", "heads", "rows", and "reasons" of numbers with a limit.
-
-    Rows have "axis", "title", "cells" ("text", "mark", "state"), "model" and "failed", the reason without
-    calibration."""
+    """Return each sensor's table: "sensor", "title", "heads", "rows", and "reasons" of numbers with a limit. Rows have
+    "axis", "title", "cells" ("text", "mark", "state"), "model" and "failed", the reason without numbers."""
     tables = []
     for sensor, members in by_sensor({**calibration.axes, **calibration.failed}).items():
         axes = {axis: calibration.axes[axis] for axis in members if axis in calibration.axes}

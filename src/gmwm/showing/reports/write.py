@@ -108,10 +108,8 @@ def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: 
 
 
 def page(data: dict[str, Any]) -> str:
-    """Render the result of `report_data` as HTML.
-
-    The security policy allows only the report's scripts (SHA-256) and no network, so no text of a recording runs a
-    script."""
+    """Render the result of `report_data` as HTML. The security policy allows only the report's scripts (SHA-256) and no
+    network, so no text of a recording runs a script."""
     scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)

@@ -1,7 +1,6 @@
-"""Autoregressive moving averages of any order, with or without a season:
+"""Autoregressive moving averages of any order, with or without a season (φ, θ and alike Φ, Θ):
 
-φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, Var ε = σ², φ(B) = 1 − φ₁B − … − φ_p B^p, θ(B) = 1 + θ₁B + … + θ_q B^q, and Φ, Θ
-alike."""
+φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, Var ε = σ², φ(B) = 1 − φ₁B − … − φ_p B^p, θ(B) = 1 + θ₁B + … + θ_q B^q."""
 
 from __future__ import annotations
 

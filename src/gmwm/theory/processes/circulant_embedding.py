@@ -1,8 +1,7 @@
-"""Exact Gaussian paths for any stationary autocovariance, by circulant embedding.
+"""Exact Gaussian paths for any stationary autocovariance, by circulant embedding, in O(N log N).
 
 r(0), …, r(M), …, r(1) is the first row of a circulant matrix. Its Fourier transform gives the eigenvalues; if none is
-negative, white noise times their roots has the autocovariance (Davies and Harte 1987, Dietrich and Newsam 1997), at O(N
-log N)."""
+negative, white noise times their roots has the autocovariance (Davies and Harte 1987, Dietrich and Newsam 1997)."""
 
 from __future__ import annotations
 

@@ -239,7 +239,6 @@ _CURVE = _series(lambda n: (-1) ** n / factorial(n), 2, 20)
 
 def oscillation_shape(damping: Array, turn: Array, h: Array) -> Array:
     """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω per sample, half-scales h.
-
     With λ = a + iω and c = 1 + ia/ω, 4h²ν² = Re c [2h coth(λ/2) − (6 − 8e^(−λh) + 2e^(−2λh))/(4 sinh²(λ/2))]."""
     # Above half the sampling rate, the turn of an alias has the same exponentials.
     alias = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))

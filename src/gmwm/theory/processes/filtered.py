@@ -163,11 +163,10 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 
 
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Compute the wavelet variances (n, J) of AR1 processes with φ = −ψ = −e^(−λ) and innovation variance 1, λ small.
-    At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
-    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ), s(k) =
-    (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving average
-    minus κ ψ^(2|k|)."""
+    """Compute wavelet variances (n, J) of AR1 with φ = −ψ = −e^(−λ), innovation variance 1 and small λ. From level 2
+    on, the smoothing filter's zero at −1 cancels the pole of 1/(1 + ψz): (1 + z)/(1 + ψz) has s(0) = 2/(1 + ψ), s(k) =
+    (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). Scaling coefficients then have a moving average's autocovariance minus κ
+    ψ^(2|k|)."""
     psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
     above = 1.0 + psi
     values = np.empty((lam.size, int(levels[-1])))

@@ -73,8 +73,7 @@ class LagGrid:
 
     `fine` and `coarse` (n,) are h_j and h_k; `odd` nodes are odd lags of alternating covariances. `known` and `recent`
     cache covariances of fixed and of last shapes (None after one use). `whole` is the grid that begins with these
-    nodes. `pieces` are groups of nodes without a kink: first nodes, patterns, their begins, and offsets of all
-    patterns."""
+    nodes. `pieces` are groups of nodes without a kink: first nodes, patterns, their begins, all offsets."""
 
     fine: Vector
     coarse: Vector

@@ -36,8 +36,7 @@ SMOOTHEST = 5.0  # Largest smoothness of a Matérn process. A larger one has mor
 
 @lru_cache(maxsize=256)
 def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
-    """Return discrete and continuous state spaces at 1 Hz of power-law noise, ν_1² = 1, ε = `epsilon` = α − 1 from −1
-    to 1.
+    """Return discrete and continuous state spaces of power-law noise, ν_1² = 1, at 1 Hz, for ε = `epsilon` = α − 1.
 
     In discrete time, GM processes are averaged over each interval, as the noise is; the noise within is one more state,
     and F is diagonal. In continuous time, white noise replaces the fastest: a discretisation samples states."""

@@ -1,8 +1,7 @@
 """Theory of linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, for any orders.
 
 Covariances are sums over the recursion, as polynomials modulo φ(B)Φ(B^s) in double-double arithmetic, for any root and
-level. Coefficients near 1 in double precision limit the distance δ of a root from the unit circle to a relative error
-of 1e-16/δ."""
+level. Double-precision coefficients limit a root's distance δ from the unit circle to a relative error of 1e-16/δ."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Processes whose number of parameters depends on their orders, such as AR(2).
 
-A concrete class for given orders is created at its first use and cached, not registered, as their number is
-unlimited."""
+A class for given orders is created at its first use and cached, but not registered, as their number is unlimited."""
 
 from __future__ import annotations
 

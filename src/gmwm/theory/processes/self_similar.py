@@ -174,8 +174,7 @@ def _carry(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, co
     """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at `count` levels, d of the wavelet filter, c_j of the level's input.
 
     The smoothing filter maps c_j to c_{j+1}: single values at short lags (`near` for c_1), then a_0 (k^ε − 1)/ε + Σ_s
-    a_s k^(ε−2s) (`tail`), a form that it preserves by even moments of its autocorrelation. The division keeps values
-    bounded."""
+    a_s k^(ε−2s) (`tail`), kept by even moments of its autocorrelation. The division keeps values bounded."""
     length, reach = filter.length, _REACH * filter.length
     detail, step, moments = _tables(filter, reach, summed)
     passed = _passages(eps, moments)
@@ -249,8 +248,7 @@ STEEPEST = 1.2  # largest ε of a mixture. Beyond it, a random walk and slow exp
 
 def mixture(epsilon: float, samples: int) -> ExponentialSum:
     """Return the running sum of noise with ν_1² = 1 as exponentials, for lags up to `samples`: m^(−s) Γ(s) = ∫ τ^(s−1)
-    e^(−mτ) dτ, s = −2 − ε, in ln τ. Terms in m (white) and m³ (walk) continue it analytically at τ = 0; m² and
-    constants do not matter."""
+    e^(−mτ) dτ, s = −2 − ε, in ln τ. Terms in m (white) and m³ (walk) continue it analytically at τ = 0."""
     from scipy.special import rgamma
 
     # Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out.

@@ -2,8 +2,7 @@
 
 Level i has A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n) and ν_j² = Σ_n r_h(n) A_{j−1}(n), with autocorrelations of the smoothing
 and the wavelet filter. Beyond a few filter lengths, A_i is a polynomial per octave, at Chebyshev points, so a step is a
-small matrix per octave. All are linear in A_0: one adjoint recursion gives ν_j² as a sum over about twenty lags per
-level."""
+small matrix per octave. One adjoint recursion (all is linear in A_0) sums about twenty lags per level for ν_j²."""
 
 from __future__ import annotations
 

@@ -141,9 +141,8 @@ Draw = Callable[[Session, Workspace, float], Any]
 
 
 def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
-    """Register a callback that draws `place` of a tab whenever the session, a result or the width changes.
-
-    Unchanged content, by its digest, is not sent again: a click would be lost if its button were replaced meanwhile."""
+    """Register a callback that draws `place` of a tab whenever the session, a result or the width changes. Unchanged
+    content, by its digest, is not sent again: a click would be lost if its button were replaced meanwhile."""
     desk.places.append(place)
 
     def draw_place(data: Any, _: int, shown: str, width: float, page: str, digest: str | None) -> tuple[Any, Any]:
@@ -200,9 +199,8 @@ def changes(
     app: Dash, desk: Desk, inputs: Sequence[Any], change: Change, *, states: Sequence[Any] = (),
     errors: Sequence[str] = (),
 ) -> None:  # fmt: skip
-    """Register a callback that changes the session when an input changes.
-
-    An error leaves the session as it is, and is shown at the field of its argument, or at the first of `errors`."""
+    """Register a callback that changes the session when an input changes. An error leaves the session as it is, and is
+    shown at the field of its argument, or at the first of `errors`."""
 
     def apply_change(*given: Any) -> list[Any]:
         *values, data, page = given
