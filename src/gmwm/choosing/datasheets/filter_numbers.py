@@ -231,7 +231,6 @@ def _grown(low: float, high: float, by: float) -> Vector:
 
 def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector, Vector]:
     """Return frequencies, weights, and weights times the density, with panels that are halved at resonances."""
-    # Largest number of times that a panel is halved.
     splits = 12
     ends = _panels(samples)
     low, high = ends[:-1], ends[1:]

@@ -354,7 +354,6 @@ class Ranking(Plotted, Tabular):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = equivalent to the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
-        # Largest number of characters in a line of the remarks.
         return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])
 
     def _repr_html_(self) -> str:
@@ -462,6 +461,5 @@ class RankingOptions:
         one_of(self.weighting, "weighting", ("optimal", "diagonal"))
         one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
         as_confidence(self.confidence)
-        # Smallest number of simulated recordings that is allowed.
         as_whole_number(self.draws, "draws", 100)
         as_whole_number(self.seed, "seed", 0)

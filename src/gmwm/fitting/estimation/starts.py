@@ -186,7 +186,6 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
     """Return coordinates after optimising each free process in turn: joint scans miss several narrow bands."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
-    # Largest number of rounds in which each process in turn is moved to the best point of its scan.
     for _ in range(4):
         before = dict(at)
         for place, scan in enumerate(every):

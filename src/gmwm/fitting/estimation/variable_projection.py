@@ -300,7 +300,6 @@ class Surface:
             step = np.zeros(best.point.x.size)
             step[able] = _solve(curvature.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
-            # Longest Newton step that is accepted.
             trial = self.at(self.move(best.point, step)) if size < 0.3 else None
             if trial is None or not self.problem.as_low(trial.objective, best.objective, ROUNDING_NOISE):
                 if fresh:

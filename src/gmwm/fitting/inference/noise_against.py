@@ -177,7 +177,6 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = condition_of(signal, condition)
     residual = without(signal, regress(signal, covariates), covariates)
-    # Smallest length (samples) of the blocks in which knocks are clipped.
     length = max(covariates.clock.length, 16)
     blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
     residual = replace(residual, values=blocks.clip(residual.values))
@@ -281,7 +280,6 @@ def _slope(counts: Integers, sums: Vector, means: Vector) -> tuple[float, float]
         now = sums * np.exp(-2 * slope * c)
         step = float(c @ now / (2 * (c**2 @ now)))
         slope += float(np.clip(step, -1.0, 1.0))
-        # Step below which the iteration for a slope ends.
         if abs(step) < 1e-10:
             break
     return slope / spread, spread

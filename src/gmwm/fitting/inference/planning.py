@@ -273,8 +273,6 @@ class Plan(Summarised, Plotted):
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"
 
-    # --- private methods ------------------------------------------------------------------------------
-
     @cached_property
     def _cache(self) -> dict[int, Vector]:
         """Cache of relative standard errors, by number of samples."""
@@ -292,7 +290,6 @@ class Plan(Summarised, Plotted):
     def _samples_needed(self, k: int, accuracy: float) -> float:
         """Return the samples from which parameter k has a relative error of at most `accuracy`; else infinity."""
 
-        # Number of lengths per factor of two that `Plan.needed` evaluates before it bisects.
         per_octave = 4
 
         def enough(samples: int) -> bool:

@@ -87,7 +87,6 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
     weights = np.zeros(len(shapes))
-    # Largest number of iterations.
     for _ in range(30):
         # Fisher scoring of the gamma likelihood: least squares with weights from the last curve.
         root = np.sqrt(freedom / 2) / curve
@@ -118,7 +117,6 @@ def _candidates(
             processes.append(kind.standard())
             rows.append(kind.moments(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
-            # Number of correlation times of each process with a correlation time.
             places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
             rows.append(kind.moments(places, number, rate, filter))

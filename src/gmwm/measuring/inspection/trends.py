@@ -124,7 +124,6 @@ class TrendTest:
         times = np.geomspace(1.0, 1.5 * n, 18)
         decays, courses = self._decays(times)
         j = _best(decays)
-        # A second grid around the best time constant.
         ratio = times[1] / times[0]
         finer = times[j] * np.geomspace(1 / ratio, ratio, 9)
         decays, courses = self._decays(finer[finer <= times[-1]])

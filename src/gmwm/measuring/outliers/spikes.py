@@ -268,7 +268,6 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
             chosen[rng.permutation(here)[: round(surplus)]] = True
         elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
             break
-        # Empty bins are skipped.
         next_low = max(threshold, float(np.max(deviation[deviation < low], initial=0.0)))
         low, high = low - _BIN * max(math.floor((low - next_low) / _BIN), 1), low
         high = min(high, low + _BIN)

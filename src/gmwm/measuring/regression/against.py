@@ -72,7 +72,6 @@ class CovariateTerm:
         >>> CovariateTerm.parse("temperature:2,lag")
         CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False, seconds=3600.0)
         """
-        # Largest number of inner knots of a spline.
         most_knots = 10
         # Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation.
         most_degrees = 5

@@ -198,8 +198,6 @@ class SpectrumAccumulator(OneAtATime):
     def __repr__(self) -> str:
         return f"SpectrumAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
-    # --- private methods ------------------------------------------------------------------------------
-
     @property
     def _reach(self) -> int:
         """Number of samples at each end of this part that blocks across the end can contain."""

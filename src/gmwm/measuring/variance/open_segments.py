@@ -199,8 +199,6 @@ class SegmentedAccumulator(OneAtATime):
         else:
             self._end_segment()
 
-    # --- private methods ------------------------------------------------------------------------------
-
     def _require_following(self, following: object, *alike: str) -> None:
         """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""
         if not isinstance(following, type(self)):
