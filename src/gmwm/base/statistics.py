@@ -135,11 +135,7 @@ def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) ->
 
 
 def holm(pvalues: ArrayLike) -> Vector:
-    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70); NaN is no test.
-
-    >>> holm([0.01, 0.5, np.nan, 0.02])
-    array([0.03, 0.5 ,  nan, 0.04])
-    """
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70); NaN is no test."""
     p = np.asarray(pvalues, dtype=np.float64)
     count = np.count_nonzero(~np.isnan(p))
     order = np.argsort(p, kind="stable")[:count]  # NaN is last

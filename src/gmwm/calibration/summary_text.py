@@ -86,13 +86,7 @@ def _axes_table(
 
 
 def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
-    """Describe models by `model_words`, in a small width by their notation, or else by their first terms.
-
-    >>> from gmwm import Model
-    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
-    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
-    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
-    """
+    """Describe models by `model_words`, in a small width by their notation, or else by their first terms."""
     words = [model_words(model) for model in models]
     short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
     for forms in (words, short):

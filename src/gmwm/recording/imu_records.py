@@ -60,11 +60,7 @@ TYPES = (
 
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
     """Round increments (N,) to whole counts of size `unit`, with carried remainders: n_k = [S_k] − [S_{k−1}], S_k =
-    (v_1 + … + v_k) / u, so the sum is off by at most half a count.
-
-    >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
-    array([0, 1, 0, 1])
-    """
+    (v_1 + … + v_k) / u, so the sum is off by at most half a count."""
     exact = np.asarray(values, dtype=np.float64) / unit
     nearest = np.rint(exact)
     # Restored counts differ from integers by float64 rounding, which a sum would accumulate; 1e-9 is far above it and

@@ -69,11 +69,7 @@ class Sample:
 
 
 def lsb(values: Vector) -> float | None:
-    """Return the quantization step, the spacing of a regular grid of all values, if they repeat; otherwise None.
-
-    >>> lsb(np.round(np.random.default_rng(0).normal(0, 1, 1000) / 0.05) * 0.05)
-    0.05
-    """
+    """Return the quantization step, the spacing of a regular grid of all values, if they repeat; otherwise None."""
     sample = Sample()
     sample.update(values)
     return step_of(sample.values())

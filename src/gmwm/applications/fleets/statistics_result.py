@@ -33,11 +33,7 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> Integers:
-    """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet.
-
-    >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
-    [0, 1, 2, 100]
-    """
+    """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet."""
     return np.where(count < LEAST_UNITS_FOR_OUTLIERS, 0, np.clip(np.floor(SHARE * count), 1, MOST)).astype(np.int64)
 
 

@@ -219,11 +219,7 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
-    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum.
-
-    >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
-    1000
-    """
+    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum."""
     # 24 points per octave at first: the Allan variance of a sum of processes has few extrema per octave.
     count = 2 + math.ceil(24 * math.log2(last))
     sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))

@@ -302,14 +302,7 @@ def filter_numbers(
 
     J_T is the mean square error (see `FilterPrediction`), and the left side the error that the filter states. The code
     has the exact form for samples, so white noise plus a walk has the numbers of its terms. White N and flicker B have
-    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples.
-
-    >>> import gmwm
-    >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
-    >>> numbers = filter_numbers(model.processes, rate=100.0)
-    >>> round(numbers.N, 12), round(numbers.K, 12)
-    (0.0001, 1e-05)
-    """
+    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples."""
     samples = samples_in(horizon, rate)
     prediction = FilterPrediction.of(processes, rate, samples, ratio, near=near)
     gain = best_gain(prediction, slowest)

@@ -42,11 +42,7 @@ _OR_LEAVE_OUT = "or leave it out with {--columns=time:none} and pass {--rate}."
 
 
 def is_stamp(cell: str) -> bool:
-    """Return whether a cell is a date with a time, to the second or finer, or a time of day.
-
-    >>> is_stamp("2024-05-01 12:00:00,5+02:00"), is_stamp("12:00:00.5"), is_stamp("05/01/2024 12:00:00")
-    (True, True, False)
-    """
+    """Return whether a cell is a date with a time, to the second or finer, or a time of day."""
     if not _SEPARATED.search(cell):
         return False
     shape = _match(_DATED, cell)
@@ -80,11 +76,7 @@ def holds_stamps(layout: Layout, column: int) -> bool:
 
 
 def form_remark(cell: str) -> Remark:
-    """Make the remark on how a column that begins with this time stamp is read.
-
-    >>> form_remark("2024-05-01T12:00:00Z").facts["form"]
-    'utc'
-    """
+    """Make the remark on how a column that begins with this time stamp is read."""
     if is_time_of_day(cell):
         return Remark.of("time-read", case="read", form="clock")
     zone = _zone(cell)

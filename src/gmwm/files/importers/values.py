@@ -162,11 +162,7 @@ def _factor(name: str, text: str, si: str, argument: str) -> float:
 
 
 def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
-    """Parse the value of --reference: the name of a number, and its value and unit.
-
-    >>> parse_reference("gyro.N = 2.0 deg/√h")
-    ('gyro.N', (2.0, 'deg/√h'))
-    """
+    """Parse the value of --reference: the name of a number, and its value and unit."""
     name, mark, quantity = (part.strip() for part in text.partition("="))
     match = _VALUE.fullmatch(quantity)
     sensor, dot, symbol = name.rpartition(".")

@@ -28,13 +28,8 @@ _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 def connect(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
     """Connect to a Dask scheduler by address or client, or to `workers` processes (one per processor by default).
 
-    Own processes end with the block. They import the script that runs: its work belongs under `__name__ == "__main__"`.
-
-    >>> with connect("127.0.0.1") as client:
-    ...     client.submit(sum, [1, 2]).result()
-    Traceback (most recent call last):
-    gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
-    """
+    Own processes end with the block. They import the script that runs: its work belongs under `__name__ ==
+    "__main__"`."""
     distributed = library("distributed")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)

@@ -47,12 +47,7 @@ LAWS: dict[Term, _Law] = {
 
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
-    """Return the unit of a coefficient for data in `unit`, and the factor from the unit of the data and seconds to it.
-
-    >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
-    >>> name, round(factor, 3)
-    ('deg/√h', 3437.747)
-    """
+    """Return the unit of a coefficient for data in `unit`, and the factor from its unit and seconds."""
     one_of(units, "units", ("si", "datasheet"))
     if units == "datasheet" and find_unit(unit) is None:
         raise OptionError(

@@ -30,11 +30,7 @@ def degrees_of_freedom(
     Beyond 240 terms, a trapezoidal rule with 240 nodes is used; small clusters of white and random-walk FM are in
     discrete time. Source: Greenhall and Riley (2003), 35th PTTI Meeting, 267-280, who average the phase and use tables;
     NIST SP 1065 (2008), section 5.4. The exponents α have 2 − 2d < α <= 2 and α > 1 − 2d; d (`order`) is 2 (Allan) or 3
-    (Hadamard). S = m if `overlapping`, else 1; if `modified`, differences are averaged over a cluster.
-
-    >>> degrees_of_freedom(np.array([0, 0]), np.array([1, 10]), 1001, order=2, overlapping=True).round(1)
-    array([666.2, 146.1])
-    """
+    (Hadamard). S = m if `overlapping`, else 1; if `modified`, differences are averaged over a cluster."""
     result = np.empty(clusters.size)
     # Averaging over a cluster of one sample has no effect.
     averaged = (clusters > 1) & modified
@@ -259,11 +255,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ.
-
-    >>> b1_ratio(10, -1), b1_ratio(10, 1)
-    (1.0, 5.0)
-    """
+    """Compute B1(N, μ), the ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ."""
     if mu == 0:
         return means * math.log(means) / (2 * (means - 1) * math.log(2))
     return means * (1 - float(means) ** mu) / (2 * (means - 1) * (1 - 2.0**mu))

@@ -22,14 +22,7 @@ SAME_RATE_DIFFERENCE = 1e-3
 
 
 def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
-    """Pool recordings of one unit like segments, ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj, in attribute `recordings`.
-
-    >>> from gmwm import WN, wavelet_variance
-    >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
-    ...         for k, day in enumerate(("monday", "tuesday"))}
-    >>> pool(days)
-    WaveletVariance(unnamed, haar, 12 levels, 8192 samples in 2 recordings at 100 Hz)
-    """
+    """Pool recordings of one unit like segments, ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj, in attribute `recordings`."""
     names, items = list(curves), list(curves.values())
     first = items[0]
     if len(items) == 1:

@@ -75,14 +75,8 @@ _RATES = (0.05, 0.95)  # smallest and largest relative rate that is recognised
 
 
 def slower_rate(values: Vector) -> float:
-    """Return the slower log's rate relative to this one; 0 if not resampled.
-
-    Straight lines make the variance of second differences periodic with q < 1, and describe values without residual.
-
-    >>> x = np.random.default_rng(0).normal(size=10_000)
-    >>> round(slower_rate(np.interp(np.arange(16_000) * 0.625, np.arange(10_000), x)), 4), slower_rate(x)
-    (0.625, 0.0)
-    """
+    """Return the slower log's rate relative to this one; 0 if not resampled. Straight lines make the variance of second
+    differences periodic with q < 1, and describe values without residual."""
     x = values[:_MOST]
     if x.size < _FEWEST:
         return 0.0

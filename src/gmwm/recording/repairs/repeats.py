@@ -100,12 +100,7 @@ def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0)
     """Return how values repeat on axes of one device; None if they do not. `duplicates`: share of repeated stamps.
 
     If nearly all runs of equal samples are multiples of k, the logger repeats values k times. In fine outputs, equal
-    neighbours are repeats: regular for a faster logger, random for lost samples.
-
-    >>> values = np.repeat(np.random.default_rng(0).normal(size=1000), 4)
-    >>> repeats_of([values], np.array([0])).every
-    4.0
-    """
+    neighbours are repeats: regular for a faster logger, random for lost samples."""
     same = repeats(list(axes), begins)
     repeated = np.count_nonzero(same) / same.size
     if repeated < LIMITS.least_share or (1 - repeated) * same.size < LIMITS.least_changes - 0.5:

@@ -62,11 +62,7 @@ def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tupl
 
 
 def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
-    """Return labelled ticks at powers of ten (and 2, 5 if short), at most `at_most`, and unlabelled positions.
-
-    >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
-    ['0.01', '0.1', '1', '10', '100', '1000']
-    """
+    """Return labelled ticks at powers of ten (and 2, 5 if short), at most `at_most`, and unlabelled positions."""
     low, high = math.log10(limits[0]), math.log10(limits[1])
     decades = range(math.floor(low), math.ceil(high) + 1)
     if high - low < MANY_DECADES:
@@ -149,12 +145,7 @@ def value_axis(limits: tuple[float, float], label: str) -> Axis:
 
 
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
-    """Return an axis that is linear up to the magnitude `linear`, logarithmic beyond, or linear if no value exceeds
-    `even`.
-
-    >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
-    ['0', '1', '2', '5', '10', '20', '50']
-    """
+    """Return an axis that is linear up to `linear` and logarithmic beyond, or linear if all values are ≤ `even`."""
     shown = np.append(values[np.isfinite(values)], [0.0, least, -least])
     low, high = float(shown.min()), float(shown.max())
     high = high if low < high else linear
@@ -229,11 +220,7 @@ def even_axis(low: float, high: float, label: str, *, margin: float, at_most: in
 
 
 def time_unit(seconds: float) -> tuple[str, float]:
-    """Return the unit of a time axis of this duration, and the length of the unit (s).
-
-    >>> time_unit(20.0), time_unit(7200.0), time_unit(86400.0)
-    (('s', 1.0), ('min', 60.0), ('h', 3600.0))
-    """
+    """Return the unit of a time axis of this duration, and the length of the unit (s)."""
     return next((unit, size) for unit, size, longest in _TIMES if seconds <= longest)
 
 
@@ -253,11 +240,7 @@ def scaled_axis(low: float, high: float, largest: float, *, name: str, unit: str
 
 
 def power_of(largest: float) -> int:
-    """Return the exponent, a multiple of three, in the label of an axis up to `largest`.
-
-    >>> power_of(0.0123), power_of(9.8), power_of(2.5e6), power_of(0.0)
-    (-3, 0, 6, 0)
-    """
+    """Return the exponent, a multiple of three, in the label of an axis up to `largest`."""
     if largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]:
         return 0
     return 3 * math.floor(math.log10(largest) / 3)

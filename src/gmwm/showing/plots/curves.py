@@ -350,14 +350,7 @@ def compare(
 
 
 def automatic_labels(items: Sequence[Item]) -> list[str]:
-    """Return names that state how items differ, such as by axis or model, or else their numbers.
-
-    >>> from gmwm import WaveletVariance
-    >>> classical = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
-    >>> robust = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
-    >>> automatic_labels([classical, robust]), automatic_labels([classical, classical])
-    (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
-    """
+    """Return names that state how items differ, such as by axis or model, or else their numbers."""
     results = [wavelet_variance_of(item) for item in items]
     aspects = [
         [axis_title(wv.axis) for wv in results], _estimators(results),

@@ -50,11 +50,7 @@ def sensor_title(sensor: str) -> str:
 
 
 def axis_title(axis: str) -> str:
-    """Return the name of an axis in words; a name that is not of an axis is returned unchanged.
-
-    >>> axis_title("gyro_x"), axis_title("pressure")
-    ('Gyroscope X', 'pressure')
-    """
+    """Return the name of an axis in words; a name that is not of an axis is returned unchanged."""
     sensor, letter = sensor_and_letter(axis)
     return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
 
@@ -153,11 +149,7 @@ def _three_digits(value: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Format a duration in a unit that suits its size.
-
-    >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
-    ('4.2 ms', '53 s', '90 min', '11 h')
-    """
+    """Format a duration in a unit that suits its size."""
     for unit, size, least in _DURATIONS:
         if seconds >= least:
             return f"{number_text(seconds / size, DIGITS)} {unit}"
@@ -165,11 +157,7 @@ def duration_text(seconds: float) -> str:
 
 
 def model_text(terms: Iterable[str]) -> str:
-    """Return a short name of a model from the names of its terms.
-
-    >>> model_text(["GM[1]", "GM[2]", "WN"])
-    '2·GM + WN'
-    """
+    """Return a short name of a model from the names of its terms."""
     counts: dict[str, int] = {}
     for term in terms:
         name = re.sub(r"\[\d+\]$", "", term)
@@ -238,13 +226,7 @@ class View:
 
 
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of data in `unit`; "auto" is the Allan deviation in datasheet units, and other units are kept.
-
-    >>> view_of("deg/s", "wavelet", "si").height_label
-    'Wavelet variance (rad²/s²)'
-    >>> view_of("m/s²", "allan", "datasheet").height_label
-    'Allan deviation (mg)'
-    """
+    """Return the view of data in `unit`; "auto" is the Allan deviation in datasheet units, and other units are kept."""
     view = "allan" if view == "auto" else view
     definition = find_unit(unit)
     if units == "auto":

@@ -86,15 +86,8 @@ def quantile_panel(residuals: Residuals) -> Panel:
 
 
 def order_limits(normal: Vector, count: int, level: float = LIMIT_LEVEL) -> tuple[Vector, Vector]:
-    """Return confidence limits (n,) of order statistics of a normal sample: Φ(z) of the k-th of N is Beta(k, N − k +
-    1).
-
-    `normal` (n,) are their expected values, and `level` the probability of each within its limits.
-
-    >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
-    >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
-    -2.054 to -1.946; 1.946 to 2.054;
-    """
+    """Return confidence limits (n,) of normal order statistics: Φ(z) of the k-th of N is Beta(k, N − k + 1). `normal`
+    (n,) are their expected values, and `level` the probability of each within its limits."""
     from scipy.special import betaincinv, ndtr, ndtri
 
     # The limits are computed for negative quantiles, where small probabilities have full relative precision.

@@ -36,11 +36,7 @@ BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
-    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
-
-    >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
-    (('rad/s/√Hz', 1.0), 'µg/√Hz')
-    """
+    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit."""
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected='"si" or "datasheet" (deg/s/√Hz, µg/√Hz)', got=units)
     si, factor = noise_unit(0.5, unit)
