@@ -40,6 +40,11 @@ def test_a_message_is_complete(message):
         assert not isinstance(text, Choice) or len(text.templates) > 1
 
 
+@pytest.mark.parametrize("message", ALL)
+def test_what_makes_numbers_wrong_has_a_name_in_plain_words(message):
+    assert message.cause or not (message.raises or message.spoils)
+
+
 def test_messages_with_the_same_advice_have_one_code():
     assert len(messages()) <= 110
 

@@ -91,8 +91,8 @@ def verdict_of(calibration: Calibration) -> Remark:
     facts: dict[str, Fact] = {"axes": axes, **{f"{symbol}_use": use for symbol, (use, _) in of_symbol.items()}}
     facts["limits"] = tuple(f"{symbol} on {limit}" for symbol, (_, limit) in of_symbol.items() if limit) or ("none",)
     main = [verdict for of_axis in verdicts.values() for symbol, verdict in of_axis.items() if symbol in MAIN]
-    reasons = dict.fromkeys(verdict.reason.code for verdict in main if verdict.reason is not None)
-    facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons)}
+    reasons = {verdict.reason.code: verdict.reason.message.cause for verdict in main if verdict.reason is not None}
+    facts |= {"why": "yes" if reasons else "no", "reasons": tuple(reasons), "causes": tuple(reasons.values())}
     if lost:
         return Remark.of("verdict", case="partly", names=tuple(lost), unusable=len(lost), **facts)
     refused = {verdict.symbol for verdict in main if verdict.usability is Usability.DO_NOT_USE}
@@ -179,7 +179,7 @@ def _of_axis(
         yield Remark.of("walk-or-markov", axis, case="equivalent", time=Quantity(time, "s"))
     white, walk = (axis_calibration.datasheet.get(symbol) for symbol in OF_FILTER)
     if white is not None and walk is not None and not (white.upper_only or walk.upper_only):
-        time = true_times(axis_calibration.fit, white.value, walk.value)[1]
+        time = true_times([axis_calibration.fit], white.value, walk.value)[1]
         if time < math.inf:
             yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:

@@ -85,6 +85,8 @@ class Message:
         Identifier of the remark.
     section : str
         One of the keys of `SECTIONS`.
+    cause : str
+        The situation as a noun phrase, if the numbers of a calibration can be wrong because of it.
     severity : str or Choice
         Severity of the remark.
     sentence, advice : str or Choice
@@ -109,6 +111,7 @@ class Message:
     advice: Text = ""
     detail: Text = ""
     meaning: str = ""
+    cause: str = ""
     examples: tuple[Mapping[str, Fact], ...] = ({},)
     raises: tuple[str, ...] = ()
     spoils: tuple[str, ...] = ()
@@ -202,7 +205,7 @@ def _message(code: str, entry: Mapping[str, Any]) -> Message:
     return Message(
         code=code, section=entry["section"], severity=_text(entry["severity"]),
         sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=_text(entry.get("detail", "")),
-        meaning=entry.get("meaning", "").strip(),
+        meaning=entry.get("meaning", "").strip(), cause=entry.get("cause", ""),
         examples=tuple(
             {name: as_fact(value) for name, value in example.items()}
             for example in entry.get("examples", [entry.get("example", {})])

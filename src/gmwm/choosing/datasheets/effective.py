@@ -174,29 +174,29 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
 def claim(fit: Fit, white: float, walk: float, time: float) -> float:
     """Return the error that a filter with N and K states for the mean over the next `time` seconds, over its error."""
-    rate = fit.wavelet_variance.rate
-    samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
-    real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
-    return math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
+    stored: dict[tuple[float, float, float], float] = fit.__dict__.setdefault("_claims", {})
+    if (white, walk, time) not in stored:
+        rate = fit.wavelet_variance.rate
+        samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
+        real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
+        stored[white, walk, time] = math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
+    return stored[white, walk, time]
 
 
-def true_times(fit: Fit, white: float, walk: float) -> tuple[float, float]:
+def true_times(fits: Sequence[Fit], white: float, walk: float) -> tuple[float, float]:
     """Return the shortest and the longest time (s) between which the error that a filter with N and K states is true
-    (`TRUE_CLAIM`), from 1 s. The longest is infinite if it is true up to 1000 s, or up to a tenth of a shorter
-    recording."""
-    stored: dict[tuple[float, float], tuple[float, float]] = fit.__dict__.setdefault("_true_times", {})
-    if (white, walk) not in stored:
-        wv = fit.wavelet_variance
-        times = [
-            t for t in (1.0, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
-        ]
-        claims = ((time, claim(fit, white, walk, time)) for time in times)
-        since = next((time for time, share in claims if TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), None)
-        false = next((time for time, share in claims if not TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), math.inf)
-        until = math.inf if false == math.inf else max(time for time in times if time < false)
-        # With the upper limit of K, the stated error can be too large at all times.
-        stored[white, walk] = (1.0, 1.0) if since is None and times else (since or 1.0, until)
-    return stored[white, walk]
+    (`TRUE_CLAIM`), from 1 s, for the axis with the largest real error. The longest is infinite if it is true up to
+    1000 s, or up to a tenth of a shorter recording; both are infinite if it is true at no time."""
+    wv = fits[0].wavelet_variance
+    times = [
+        t for t in (1.0, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
+    ]
+    claims = ((time, min(claim(fit, white, walk, time) for fit in fits)) for time in times)
+    since = next((time for time, share in claims if TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), None)
+    false = next((time for time, share in claims if not TRUE_CLAIM[0] <= share <= TRUE_CLAIM[1]), math.inf)
+    until = math.inf if false == math.inf else max(time for time in times if time < false)
+    # With the upper limit of K, the stated error can be too large at all times.
+    return (math.inf, math.inf) if since is None and times else (since or 1.0, until)
 
 
 def changes_by_curve(fit: Fit) -> dict[str, float]:

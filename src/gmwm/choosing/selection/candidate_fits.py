@@ -42,7 +42,7 @@ class Explored(FrozenArrays):
     fits: tuple[Fit, ...]
 
     @cached_property
-    def columns(self) -> tuple[Matrix, int]:
+    def columns(self) -> Matrix:
         """Result of `relaxed_columns`, which all tests of equivalence use."""
         return relaxed_columns(self)
 
@@ -193,10 +193,10 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
     return frozenset(structure.items())
 
 
-def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Return curves (n, J) that the general model can add, and the number of those without shape, which come first:
-    Gauss-Markov processes on a grid of correlation times, and of other processes the estimated shape and its
-    derivatives, because mixtures of grid points describe more curves than one process."""
+def relaxed_columns(explored: Explored) -> Matrix:
+    """Return curves (n, J) that the general model can add: those without shape, Gauss-Markov processes on a grid of
+    correlation times, and of other processes the estimated shape and its derivatives, because mixtures of grid points
+    describe more curves than one process."""
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]
@@ -206,7 +206,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
                 ::GRID_STRIDE
             ]
         )
-    return np.concatenate(rows), len(problem.shapes)
+    return np.concatenate(rows)
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:

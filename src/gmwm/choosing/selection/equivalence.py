@@ -14,7 +14,6 @@ account that the smallest of many criteria is chosen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -118,12 +117,10 @@ class Hypothesis:
         return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
 
     @cached_property
-    def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of weighted curves of processes to add; the number of those without shape, which are
-        first."""
-        shapes, linear = self.explored.columns
-        columns = shapes @ self.root.T
-        return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
+    def _columns(self) -> Matrix:
+        """Unit vectors (n, J) of weighted curves of processes to add."""
+        columns = self.explored.columns @ self.root.T
+        return np.asarray(columns / np.linalg.norm(columns, axis=1, keepdims=True))
 
     @cached_property
     def losses(self) -> Vector:
@@ -131,45 +128,53 @@ class Hypothesis:
         taken = self.errors @ self.axes
         return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
 
-    @cached_property
-    def single(self) -> Matrix:
-        """Decrease (B, k) of the criterion that one more term causes, for each simulated recording and term."""
-        return self._single[0]
-
     @property
     def least(self) -> float:
         """Smallest penalty for two additional parameters."""
-        return self._single[1]
+        return 2 * float(self._penalties.min(initial=np.inf))
 
     @cached_property
-    def _single(self) -> tuple[Matrix, float]:
+    def _new(self) -> Matrix:
+        """Parts (n, J) of the unit vectors of the terms to add that are outside the span of the directions of the
+        candidate, without collinear terms."""
         # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
         # the candidate. The value is √ε of a double.
         spare = 1e-8
-        all_columns, linear = self._columns
-        columns = all_columns - (all_columns @ self.axes) @ self.axes.T
-        square = np.sum(columns**2, axis=1)
-        new = square > spare
-        spread = columns @ self.root @ factor_of(self.wavelet)
-        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, spare)
-        net = self.errors @ np.where(new[:, None], columns, 0.0).T
+        columns = self._columns - (self._columns @ self.axes) @ self.axes.T
+        return columns[np.sum(columns**2, axis=1) > spare]
+
+    @cached_property
+    def _penalties(self) -> Vector:
+        """Penalty (n,) of the criterion for each term that can be added."""
+        spread = self._new @ self.root @ factor_of(self.wavelet)
+        return np.asarray(2 * np.sum(spread**2, axis=1) / np.sum(self._new**2, axis=1))
+
+    def single(self) -> Vector:
+        """Return the largest decrease (B,) of the criterion that one more term causes in each simulated recording."""
+        net = self.errors @ self._new.T
         np.maximum(net, 0, out=net)
         net *= net
-        net /= np.where(new, square, 1.0)
-        net -= np.where(new, penalty, 0.0)
-        # If the candidate contains a process that is a limit of the added one, the added process has one more
-        # parameter.
-        single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
-        return single, 2 * float(penalty[new].min(initial=np.inf))
+        net /= np.sum(self._new**2, axis=1)
+        net -= self._penalties
+        return np.asarray(net.max(axis=1, initial=0.0))
 
-    def several(self, records: Integers) -> Iterator[float]:
-        """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
+    def often_exceeds(self, difference: float, records: Integers, more: float) -> bool:
+        """Return whether an upper bound for the decrease of the criterion by two or more parameters is at least
+        `difference` in more than `more` simulated recordings."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
-        columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
-        centre = self.fit.implied @ self.root.T
-        for record in records:
-            best = _core.nonnegative_least_squares(centre + self.errors[record], columns)[1]
-            yield float(self.losses[record] - best - self.least)
+        columns = np.concatenate([self._columns, [part / np.linalg.norm(part) for part in parts]])
+        data = self.fit.implied @ self.root.T + self.errors[records]
+        limits = self.losses[records] - self.least - difference
+        while 0 <= more < limits.size:
+            weights, best = _core.nonnegative_least_squares(data[0], columns)
+            more -= best <= limits[0]
+            # No curve has a positive product with this residual, so the distance of other data from the best sum is at
+            # least their product with it.
+            residual = data[0] - weights @ columns
+            open_ones = np.maximum(data @ residual, 0.0) ** 2 <= limits * (residual @ residual)
+            open_ones[0] = False
+            data, limits = data[open_ones], limits[open_ones]
+        return bool(more < 0)
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
@@ -193,24 +198,19 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
-    single = np.max(hypothesis.single, axis=1)
+    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
+    # this bound rejects most candidates. One term has half the penalty of two.
+    if np.mean(hypothesis.losses - 0.5 * hypothesis.least >= difference) <= size:
+        return False
+    single, most = hypothesis.single(), hypothesis.losses - hypothesis.least
     if np.mean(single >= difference) > size:
         return True
-    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
-    # this bound rejects most candidates.
-    most = hypothesis.losses - hypothesis.least
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
     open_ones = np.flatnonzero((single < difference) & (most >= difference))
     # The recordings with the largest bounds are first, so that most answers need few of them.
     records = open_ones[np.argsort(-most[open_ones])]
-    more, left = size * single.size - np.count_nonzero(single >= difference), records.size
-    for several in hypothesis.several(records):
-        more -= several >= difference
-        left -= 1
-        if more < 0 or left <= more:
-            break
-    return bool(more < 0)
+    return hypothesis.often_exceeds(difference, records, size * single.size - np.count_nonzero(single >= difference))
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:

@@ -271,26 +271,33 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
 def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBursts:
     """Return the pulses at one level of a panel: short changes of the mean, which make only few coefficients large. The
     constants are pinned by tests/outliers/test_pulses.py."""
+    from scipy.special import bdtrc
+
     ratio = np.abs(level.w) / level.limit(level.at)
-    chosen = ratio > LARGE
+    # Parts of a pulse between two blocks are weak. They are looked for once several pulses are known.
+    chosen = ratio > (4.0 if fewest > 1 else _SMALL)
     at, w, ratio = level.at[chosen], level.w[chosen], ratio[chosen]
     # Pulses of up to about 100 samples; longer ones are popcorn noise.
-    if at.size < 2 * fewest or not 3 <= level.number <= 5:
+    if at.size < 2 * fewest or not 3 <= level.number <= 6:
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     ends = np.append(begins[1:], at.size) - 1
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
     # Gaussian noise has no coefficient of 6.5 standard deviations.
-    chosen = (np.maximum.reduceat(ratio, begins) > 6.5) & (positive > 0) & (positive <= ends - begins)
+    largest_ratio = np.maximum.reduceat(ratio, begins)
+    chosen = (largest_ratio > (6.5 if fewest > 1 else 5.5)) & (positive > 0) & (positive <= ends - begins)
     for k in np.flatnonzero(chosen).tolist():
         first, last = int(at[begins[k]]), int(at[ends[k]])
-        part = values[first << level.number - 1 : (last + 2) << level.number - 1]
-        part = part - np.median(part)
+        begin, end = first << level.number - 1, (last + 2) << level.number - 1
+        part = values[begin:end] - np.median(values[max(2 * begin - end, 0) : 2 * end - begin])
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
         chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
-    # Tails that follow a power law have more coefficients between 5 and 6.5, and popcorn noise has lasting changes.
-    if np.count_nonzero(chosen) < max(fewest, 0.6 * begins.size):
+    # Tails of t noise with three degrees of freedom have (6.5/4)³ times as many coefficients beyond 4, apart from those
+    # of Gaussian noise, and popcorn noise has lasting changes.
+    count, gaussian = np.count_nonzero(chosen), 6.3e-5 * level.size
+    others = max(begins.size - round(gaussian + gaussian**0.5), count)
+    if count < fewest or (fewest > 1 and bdtrc(count - 1, others, (4.0 / 6.5) ** 3) > 0.003):
         return _NO_BURSTS
     return _LevelBursts(at[begins[chosen]], at[ends[chosen]], np.add.reduceat(w**2, begins)[chosen])
 

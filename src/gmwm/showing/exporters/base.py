@@ -198,7 +198,7 @@ class TwoNumbers(Exporter):
 
     def predictions(self, noise: Noise) -> list[str]:
         """Return sentences on how well a filter with the numbers predicts."""
-        return [] if self.flicker else predictions(noise.sensors)
+        return [] if self.flicker else predictions(noise.sensors, noise.options.inflation)
 
     def advice(self, noise: Noise) -> tuple[str, ...]:
         """Return sentences on how to use the file."""

@@ -32,7 +32,7 @@ def recording(calibration: Calibration) -> str:
     digests = checksums(calibration)
     # Sensors with different clocks can have different rates and lengths.
     extents: dict[float, str] = {}
-    for fit in calibration.values():
+    for fit in sorted(calibration.values(), key=lambda fit: fit.wavelet_variance.filled):
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
     extent = " and ".join(extents.values())
     return (

@@ -18,7 +18,7 @@ from gmwm.base.text import round_fixed, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import legend, model_words, rows_of
+from gmwm.calibration.summary_text import legend, model_words, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -192,6 +192,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
         "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "short_legend": short_legend(calibration),
         "sections": {name: asdict(section) for name, section in sections(calibration).items()},
         "configurations": files,
         "left_out": refused,

@@ -140,7 +140,7 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     """Yield remarks with the main results: axes, ranges of N, B and K, tests, and the certificate of the optimum."""
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
-    length = duration_text(wv.samples / wv.rate)
+    length = duration_text((wv.samples - wv.filled) / wv.rate)
     lost = unusable(calibration)
     codes = {remark.code for remark in calibration.remarks}
     if not lost:  # Otherwise the headline states the number of axes that cannot be used.

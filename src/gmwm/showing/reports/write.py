@@ -26,6 +26,7 @@ from gmwm.base.remarks import Dialect, Severity, with_groups
 from gmwm.base.text import counted, version
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.calibration.summary_text import short_legend
 from gmwm.calibration.tables import with_error
 from gmwm.showing.reports.content import report_data
 from gmwm.showing.reports.verdict import SENTENCE_ENDS, filter_tables, recording_facts, state_of, title_of
@@ -193,7 +194,7 @@ def one_page_data(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> 
         "tables": tables,
         "lines": sum(len(table["rows"]) + len(table["reasons"]) for table in tables),
         "bias": any(table["bias"] for table in tables),
-        "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "short_legend": short_legend(calibration),
         "cautions": _cautions(calibration, dialect),
         "facts": [*_facts(calibration).items(), ("Made with", f"gmwm {version()}")],
         "gmwm": version(),

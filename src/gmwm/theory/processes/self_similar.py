@@ -120,24 +120,24 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
     """Compute the density of the sampled noise with ν_1² = 1, C (sin(πf)/π)² Σ_k |f + k|^(−α−2) with C = Γ(3+ε)
-    sin(πε/2) (2π)^(−α)/(2^ε − 1), at |f| ≤ ½ (cycles per sample)."""
+    sin(πε/2) (2π)^(−α)/(2^ε − 1), at |f| ≤ ½ (cycles per sample). The terms |k| > 1 are a series in f²."""
     f, alpha = np.abs(frequencies), epsilon + 1.0
-    half = 0.5 * math.pi
+    half, power = 0.5 * math.pi, -2.0 - alpha
     sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
     constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
-    # Predictions of filters ask for the same frequencies on all axes. Long arrays are not stored.
-    aliases = _aliases(f.tobytes(), alpha) if f.size < 1 << 12 else _aliases.__wrapped__(f, alpha)
+    around = (1.0 + f) ** power + (1.0 - f) ** power + np.polyval(_distant_aliases(-power), f * f)
     with np.errstate(divide="ignore"):
-        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + aliases.reshape(f.shape)))
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + (np.sin(math.pi * f) / math.pi) ** 2 * around))
 
 
-@lru_cache(maxsize=128)
-def _aliases(frequencies: bytes | Vector, alpha: float) -> Vector:
-    """Return the part of the sum over k ≠ 0, which consists of two Hurwitz zeta functions."""
-    from scipy.special import zeta
+@lru_cache(maxsize=32)
+def _distant_aliases(power: float) -> Vector:
+    """Return the coefficients of f^(2k), highest power first, of Σ_{|k| ≥ 2} |f + k|^(−power) at |f| ≤ ½: binomial
+    coefficients times ζ(power + 2k) − 1. Terms fall by a factor of 16."""
+    from scipy.special import binom, zetac
 
-    f = np.frombuffer(frequencies)
-    return np.asarray((np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f)))
+    terms = 2.0 * np.arange(15, -1, -1)
+    return np.asarray(2.0 * binom(power + terms - 1.0, terms) * zetac(power + terms))
 
 
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
