@@ -27,12 +27,12 @@ NAMED: dict[str, str] = {
     "held_2": "fault-undone:held", "held_4": "fault-undone:held", "held_10": "fault-undone:held",
     "held_coarse": "fault-undone:held", "polled": "fault-undone:held", "lost": "fault-undone:repeated",
     "asleep": "fault-undone:frozen", "dead_start": "fault-undone:dead", "jump": "fault-undone:jumps",
-    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps", "counter": "output-rounded:counter",
+    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps or level-steps:possible", "counter": "output-rounded:counter",
     "counter_exact": "output-rounded:counter", "wrapped": "fault-undone:wrapped",
     "wrapped_rare": "fault-undone:wrapped", "interpolated": "fault-undone:interpolated", "periodic": "trend:swing",
     "student_3": "heavy-tails:fit", "student_2.5": "heavy-tails:fit", "cauchy": "samples-replaced:spikes",
     "outliers_in_quantization": "outliers-found:small", "telegraph": "heavy-tails:levels",
-    "moved_end": "recording-moved:moved", "cic": "fault-undone:filtered", "cic_coarse": "fault-undone:filtered",
+    "moved_end": "recording-moved:moved or samples-replaced:knocks", "cic": "fault-undone:filtered", "cic_coarse": "fault-undone:filtered",
     "resampled": "fault-undone:resampled", "dithered": "lines:known",
 }  # fmt: skip
 """The remark that names each fault."""
@@ -53,9 +53,12 @@ K = (
     | {"jumps_in_walk": 3 * faults.WALK * faults.RATE**0.5, "outliers_in_quantization": 2.79e-6}
 )
 """True K of the kinds whose N is known."""
-FALSE = (set(NAMED.values()) | {"level-steps:clear", "level-steps:possible"}) - {
+FALSE = (
+    {code for codes in NAMED.values() for code in codes.split(" or ")} | {"level-steps:clear", "level-steps:possible"}
+) - {
     "heavy-tails:fit",
     "samples-replaced:spikes",
+    "samples-replaced:knocks",
     "lines:known",
 }
 """Remarks that a clean recording should not have."""
@@ -106,7 +109,7 @@ def _faulty(number: int, kind: str, count: int) -> Row:
                 named.append(False)
                 uses.append("do not use")
                 continue
-        named.append(NAMED.get(kind, "") in _codes(calibration.remarks))
+        named.append(not _codes(calibration.remarks).isdisjoint(NAMED.get(kind, "").split(" or ")))
         entry, verdict = calibration.datasheets["gyro_x"]["N"], calibration.number_verdicts["gyro_x"]["N"]
         uses.append(verdict.usability.value)
         walk, use = calibration.datasheets["gyro_x"]["K"], calibration.number_verdicts["gyro_x"]["K"].usability.value
