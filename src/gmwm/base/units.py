@@ -18,7 +18,7 @@ from gmwm.base.errors import DataError, OptionError, UnitError
 __all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
 
 
-Quantity = Literal["gyro", "accel"]
+Quantity = Literal["gyro", "accel", "position"]
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity g₀ in m/s² (exact, CGPM 1901)."""
@@ -62,7 +62,7 @@ _UNITS = (
     Unit("µg", "accel", STANDARD_GRAVITY / 1e6),
 )
 
-SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity
+SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity of a sensor
 
 IMPOSSIBLE = 1e12
 """Value (rad/s, m/s²) that no sensor exceeds, a choice: shock sensors have 2e6 m/s², unscaled counts 2e9."""
@@ -286,6 +286,8 @@ T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
+POSITIONS = ("east", "north", "up", "level")  # the names of the components of a position series; level is of the sea
+LENGTHS = {name: Unit(name, "position", size) for name, size in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3))}
 
 
 def sensor_of(axis: str) -> str:
@@ -319,7 +321,15 @@ def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
 
 
 def axis_quantity(axis: str) -> Quantity:
-    """Return the quantity that an axis measures, "gyro" or "accel". Sensors of an array may have numbers: gyro_1."""
+    """Return the quantity that an axis measures: "gyro", "accel" or "position". Sensors of an array may have numbers:
+    gyro_1."""
+    if axis in POSITIONS:
+        return "position"
     if axis not in AXES and not (sensor_of(axis) in ("gyro", "accel") and letter_of(axis).isdecimal()):
         raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
     return "gyro" if axis.startswith("gyro") else "accel"
+
+
+def si_unit(axis: str) -> str:
+    """Return the SI unit of an axis, "m" for a position."""
+    return SI_UNIT.get(axis_quantity(axis), "m")

@@ -39,7 +39,7 @@ def key(entries: Iterable[Entry]) -> str:
     """Return a legend of the symbols of some entries. A symbol with two meanings has both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
-        if " of " not in entry.symbol:
+        if " of " not in entry.symbol or entry.title.endswith("which N contains"):
             titles.setdefault(entry.symbol.partition("[")[0], {})[entry.title] = None
     return "; ".join(f"{symbol} {' or '.join(named)}" for symbol, named in titles.items())
 

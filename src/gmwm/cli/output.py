@@ -200,10 +200,12 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
     }
     """
     from gmwm import __version__
-    from gmwm.base.documents import plain
+    from gmwm.base.documents import indented_json, plain
 
     document = plain({"gmwm": __version__, "command": command, **content})
-    return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=None if in_one_line else 1)
+    if in_one_line:
+        return json.dumps(document, allow_nan=False, ensure_ascii=escaped)
+    return indented_json(document, escaped=escaped)
 
 
 def table_text(

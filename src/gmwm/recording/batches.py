@@ -15,7 +15,7 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
 
@@ -254,9 +254,7 @@ class _Gathered:
         values = {role: freeze(self._values.pop(role)[: self._size]) for role in list(self._values)}
         temperature = values.pop("temperature", None)
         signals = {
-            axis: Signal(
-                array, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
-            )
+            axis: Signal(array, self._rate, unit=si_unit(axis), axis=axis, segments=segments, starts=starts)
             for axis, array in values.items()
         }
         self._begins, self._size = [], 0

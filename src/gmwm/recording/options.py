@@ -11,14 +11,14 @@ import numpy as np
 
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.units import AXES, LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
+from gmwm.base.units import AXES, LENGTHS, LONG_TIME_UNITS, POSITIONS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 from gmwm.recording.time_ranges import kept_ranges
 
 Gaps = Literal["keep", "longest"]
 BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """A mapping of axis to column name or index, or a sequence of the axes in the order of the columns."""
-ROLES = (*AXES, "time", "temperature")  # roles that a column of a file can have
+ROLES = (*AXES, *POSITIONS, "time", "temperature")  # roles that a column of a file can have
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
@@ -196,8 +196,8 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
         raise OptionError(argument="units", expected=f"a mapping such as {_UNITS}", got=units)
     checked = dict(units)
     for quantity, text in checked.items():
-        if quantity not in (*SI_UNIT, "time"):
-            raise OptionError(argument="units", expected="units of gyro, accel or time", got=quantity)
+        if quantity not in (*SI_UNIT, "position", "time"):
+            raise OptionError(argument="units", expected="units of gyro, accel, position or time", got=quantity)
         if not isinstance(text, str):
             raise OptionError(argument="units", expected=f"a mapping to texts, such as {_UNITS}", got=text)
         if quantity == "time":
@@ -207,7 +207,9 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
                     f"{text!r} is not a unit of time", argument="units", got=text, advice="Use one of {known}.",
                     known=TIME_NAMES,
                 )  # fmt: skip
-        else:
+        elif quantity == "position" and text not in LENGTHS:
+            raise UnitError(f"{text!r} is not one of {', '.join(LENGTHS)}", argument="units", got=text)
+        elif quantity != "position":
             parse_unit(text, quantity)  # type: ignore[arg-type]
     return checked
 
@@ -218,7 +220,7 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
         raise OptionError(argument="scale", expected='a mapping such as {"gyro": 1 / 131}', got=scale)
     factors = {}
     for key, value in scale.items():
-        if key not in (*AXES, *SI_UNIT):
+        if key not in (*AXES, *POSITIONS, *SI_UNIT):
             raise OptionError(argument="scale", expected=f"factors of {', '.join((*SI_UNIT, *AXES))}", got=key)
         try:
             factor = float(value)

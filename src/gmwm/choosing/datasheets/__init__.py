@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
+from gmwm.base.template import join_names
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
@@ -172,6 +173,11 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         numbers, remark = _of_term(judged, term, process)
         entries += [_beside(entry, entries) for entry in numbers]
         remarks += [remark] if remark else []
+    # A filter with N cannot tell a Gauss-Markov process that is much faster than its horizon from white noise.
+    times = (entry for entry in entries if entry.symbol.partition("[")[0] == "T_c")
+    if fast := [str(entry.term) for entry in times if entry.value < DEFAULT_HORIZON_S / 10]:
+        without = f", without {join_names(fast)}, which N contains"
+        entries = [replace(e, title=e.title + without) if e.symbol.startswith("N of ") else e for e in entries]
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
         # The coefficient of a flicker term is the bias instability B, as the standard defines it.

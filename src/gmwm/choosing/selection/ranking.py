@@ -323,6 +323,12 @@ class Ranking(Plotted, Tabular):
             rows.append([mark, round_fixed(self.label(c)).replace(" ", ""), *numbers, p, ends])
         return head, rows
 
+    def difference_text(self, candidate: Candidate) -> str:
+        """Format the difference of a criterion from the smallest one, with its standard error for one recording."""
+        alone = candidate is self.best or candidate.out_of_sample is not None
+        error = 0.0 if alone else self.compare(candidate.model, self.best.model).error
+        return f"{_short(candidate.difference)}{f' ± {_short(error)}' if error else ''}"
+
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the recommended model, the equivalent models, and the limits of the recommendation."""
@@ -334,7 +340,8 @@ class Ranking(Plotted, Tabular):
         if others := tuple(self.label(c) for c in self.equivalent if not c.recommended):
             yield Remark.of("recommended", axis, case="equal", models=others)
         if chosen is not self.best and not self.best.equivalent:
-            yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best))
+            difference = self.difference_text(chosen)
+            yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best), difference=difference)
         if chosen.pvalue is not None and chosen.pvalue < REJECTED_PVALUE:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):

@@ -54,6 +54,11 @@ def is_time_of_day(cell: str) -> bool:
     return _match(_CLOCK, cell) is not None
 
 
+def is_date(cell: str) -> bool:
+    """Return whether a cell is a date without a time."""
+    return _DATE_ALONE.fullmatch(cell) is not None
+
+
 def parted_stamp(row: Sequence[str]) -> int | None:
     """Return the index of the cell in which a time stamp begins that ends in the next cell; None if there is none.
 
@@ -64,7 +69,7 @@ def parted_stamp(row: Sequence[str]) -> int | None:
     """
     for k, (cell, following) in enumerate(pairwise(row)):
         fraction = is_stamp(cell) and re.search(r":\d\d$", cell) and re.fullmatch(r"\d{3}|\d{6}|\d{9}", following)
-        dated = _DATE_ALONE.fullmatch(cell) or is_stamp(f"{cell} {following}")
+        dated = is_date(cell) or is_stamp(f"{cell} {following}")
         if fraction or (is_time_of_day(following) and dated):
             return k
     return None
@@ -92,7 +97,7 @@ def require_readable(cell: str, path: object) -> None:
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
         return
-    if _DATE_ALONE.fullmatch(text):
+    if is_date(text):
         raise ReadError(
             f"{path}: the time column holds dates without times ({text!r})",
             code="dates-without-times",

@@ -16,6 +16,8 @@ from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact
 from gmwm.base.units import (
+    LENGTHS,
+    POSITIONS,
     SI_UNIT,
     STANDARD_GRAVITY,
     TIME_UNITS,
@@ -246,6 +248,8 @@ def resolve(
     """Find every axis's unit; `values` (N,) give the norm of gravity. "deg" of `increments` agrees with "deg/s"."""
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
+    if positions := [axis for axis in choice.axes if axis in POSITIONS]:
+        units |= {axis: _length(layout.channels[choice.columns[axis]].unit, axis, declared) for axis in positions}
     for quantity in SI_UNIT:
         axes = [axis for axis in choice.axes if axis_quantity(axis) == quantity]
         if not axes:
@@ -284,6 +288,17 @@ def resolve(
         if quantity == "accel":
             remarks += _doubts(axes, values, units)
     return Scales(units, tuple(remarks))
+
+
+def _length(stated: str, axis: str, declared: Mapping[str, str]) -> Unit:
+    """Return the unit of a position that the user declares or the file states."""
+    unit = declared.get("position", stated)
+    if unit not in LENGTHS:
+        raise UnitError(
+            f"the unit of {axis} is neither declared nor named in the file", code="unit-unnamed",
+            advice="State it with {--units=position:mm}, position:cm or position:m.",
+        )  # fmt: skip
+    return LENGTHS[unit]
 
 
 def _stated_unit(

@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import DataError, OptionError, ReadError
-from gmwm.base.units import AXES, SI_UNIT, axis_quantity
+from gmwm.base.units import AXES, POSITIONS, SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import rows_between
 from gmwm.files.columns.axis_units import time_unit
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of
 from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout
 from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
+from gmwm.files.formats.series import SeriesReader
+from gmwm.files.formats.text import TextReader
 from gmwm.files.readers.builder import SampleBuilder, collect_samples
 from gmwm.files.readers.interpretation import Interpretation, RowSource, of_file, require_time, understand, warn
 from gmwm.files.readers.streams import CHUNK_SAMPLES, FileRows, HeldRows, Stream
@@ -228,6 +230,8 @@ class _OpenFile:
     def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _OpenFile:
         """Open a file."""
         file, reader = found_reader(path, options.format)
+        if type(reader) is TextReader and not set(POSITIONS).isdisjoint(options.columns or ()):
+            file, reader = found_reader(path, SeriesReader.name)
         layout = one_layout(reader, file, options.topic)
         choice = choose(layout, options.columns, file)
         require_time(layout, choice, options.rate, file)

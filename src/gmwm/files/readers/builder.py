@@ -17,7 +17,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, axis_quantity, beyond_sensors
+from gmwm.base.units import beyond_sensors, si_unit
 from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
@@ -332,7 +332,7 @@ def collect_samples(parts: Sequence[Samples], found: Interpretation, base: TimeB
         axis: Signal(
             values=whole([part.values[axis] for part in parts]),
             rate=found.rate,
-            unit=SI_UNIT[axis_quantity(axis)],
+            unit=si_unit(axis),
             axis=axis,
             start=runs[0][1],
             segments=list(pairwise(edges)),

@@ -105,11 +105,17 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
         jumps = [step for step in steps if step.axis == axis and not step.at_gap]
         if jumps:
             case = "possible" if all(step.possible for step in jumps) else "clear"
-            yield Remark.of("level-steps", axis, case=case, count=len(jumps), first=Quantity(jumps[0].time, "s"))
+            yield Remark.of("level-steps", axis, case=case, **places_of(jumps))
         restarts = [step for step in steps if step.axis == axis and step.at_gap]
         if restarts:
             first = Quantity(restarts[0].time, "s")
             yield Remark.of("gaps-filled", axis, case="restart", count=len(restarts), first=first)
+
+
+def places_of(jumps: Sequence[Step]) -> dict[str, Fact]:
+    """Return the number of some jumps and their times, for a remark."""
+    places = tuple(moment(jump.time) for jump in jumps)
+    return {"count": len(jumps), "places": places, "first": Quantity(jumps[0].time, "s")}
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:

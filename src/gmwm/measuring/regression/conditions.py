@@ -10,7 +10,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.measuring.regression.against import TEMPERATURE, Asked, CovariateTerm
 from gmwm.measuring.regression.api import effect_of, regress_axis, without
 from gmwm.measuring.regression.blocks import BlockClock, usual_length
@@ -111,7 +111,7 @@ class Conditions:
                 advice="Read the recording with `gmwm.read(path)`, or with {--chunked=no}.",
             )
         seen = Seen.of(recording, usual_length(recording.rows, 0), curves=curves, threads=threads)
-        units = {axis: SI_UNIT[axis_quantity(axis)] for axis in recording.axes}
+        units = {axis: si_unit(axis) for axis in recording.axes}
         conditions = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
         return replace(conditions, raw=seen.curves)
 

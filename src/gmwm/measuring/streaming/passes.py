@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
@@ -191,7 +191,7 @@ def accumulators(
 
 def unit_of(recording: Imu | Streamed, axis: str) -> str:
     """Return the unit of an axis; chunks are in SI units."""
-    return recording.signals[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
+    return recording.signals[axis].unit if isinstance(recording, Imu) else si_unit(axis)
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
@@ -222,9 +222,7 @@ def stream_psd(
     """Estimate the power spectral density of each axis of a recording of any length; see `Stream.psd`."""
     as_confidence(confidence)
     measured = {
-        axis: SpectrumAccumulator(
-            stream.rate, length=length, detrend=detrend, unit=SI_UNIT[axis_quantity(axis)], axis=axis
-        )
+        axis: SpectrumAccumulator(stream.rate, length=length, detrend=detrend, unit=si_unit(axis), axis=axis)
         for axis in stream.axes
     }
     measure(Batches(stream, done), {axis: _Spectrum(accumulator) for axis, accumulator in measured.items()})

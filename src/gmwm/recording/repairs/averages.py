@@ -197,7 +197,8 @@ def _correlation(share: float) -> float:
 
 def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     """Return the steep filter of an axis, from the samples of each segment and the variance of their rounding."""
-    blocks = np.concatenate([x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in pieces])
+    rows = [x[: x.size - x.size % _LENGTH].reshape(-1, _LENGTH) for x in pieces]
+    blocks = rows[0] if len(rows) == 1 else np.concatenate(rows)
     if not blocks.size:
         return SteepFilter()
     blocks = blocks[:: max(len(blocks) // _MOST, 1)]

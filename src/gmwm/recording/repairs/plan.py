@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -107,35 +108,34 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
     """Return plans for axes of one clock, so that faults leave the others; `duplicates`: share of equal stamps."""
     signals = batch.signals
     begins = np.array([first for first, _ in next(iter(signals.values())).segments])
+    same = {axis: repeats([signal.values], begins) for axis, signal in signals.items()}
     sensors: dict[str, list[str]] = {}
     for axis in signals:
         sensors.setdefault(sensor_of(axis), []).append(axis)
     groups: dict[Repeats | None, list[str]] = {}
     for axes in sensors.values():
-        for axis, pattern in _patterns({axis: signals[axis].values for axis in axes}, begins, duplicates).items():
+        for axis, pattern in _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates).items():
             groups.setdefault(pattern, []).append(axis)
-    plans = [_plan(axis, pattern, batch, begins) for pattern, axes in groups.items() for axis in axes]
+    plans = [
+        _plan(axis, pattern, signals[axis].values, same[axis], begins)
+        for pattern, axes in groups.items() for axis in axes
+    ]  # fmt: skip
     return _joined({plan.axes[0]: plan for plan in plans}, batch, begins)
 
 
-def _patterns(values: Mapping[str, Vector], begins: Indices, duplicates: float) -> dict[str, Repeats | None]:
+def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dict[str, Repeats | None]:
     """Return how the values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
-    pattern = repeats_of(list(values.values()), begins, duplicates)
-    if pattern is None or _coincide(list(values.values()), begins):
-        return {axis: repeats_of([x], begins, duplicates) for axis, x in values.items()}
-    return dict.fromkeys(values, pattern)
+    same = np.logical_and.reduce([alone for _, alone in axes.values()])
+    pattern = repeats_of([values for values, _ in axes.values()], same, duplicates)
+    # Independent axes repeat together as often as chance, up to a factor of 2.
+    chance = math.prod(float(np.mean(alone)) for _, alone in axes.values())
+    if pattern is None or (len(axes) > 1 and np.mean(same) < 2 * chance):
+        return {axis: repeats_of([values], alone, duplicates) for axis, (values, alone) in axes.items()}
+    return dict.fromkeys(axes, pattern)
 
 
-def _coincide(axes: list[Vector], begins: Indices) -> bool:
-    """Return whether axes repeat together only as often as independent axes do, up to a factor of 2."""
-    together = np.mean(repeats(axes, begins))
-    return len(axes) > 1 and bool(together < 2 * np.prod([np.mean(repeats([values], begins)) for values in axes]))
-
-
-def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> RepairPlan:
+def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, begins: Indices) -> RepairPlan:
     """Return the plan of one axis."""
-    values = batch.signals[axis].values
-    same = repeats([values], begins)
     dead = _dead(same)
     frozen, line, levels, slower = 0, 0, None, 0.0
     if pattern is None:
@@ -153,7 +153,7 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
         "resampled": slower,
     }
     mappings: dict[str, Any] = {name: {axis: value} if value else {} for name, value in found.items()}
-    return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * len(batch) else 0, **mappings)
+    return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * values.size else 0, **mappings)
 
 
 def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> list[RepairPlan]:
@@ -190,13 +190,10 @@ def _dead(same: Mask) -> int:
 
 def _frozen_length(values: Vector, same: Mask) -> int:
     """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
-    changes = np.flatnonzero(~same)
-    if changes.size < 100:
+    level = values[~same]
+    if level.size < 100 or np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
         return 0
-    level = values[changes]
-    if np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
-        return 0
-    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(changes), 0.999)))
+    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(np.flatnonzero(~same)), 0.999)))
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:

@@ -96,26 +96,27 @@ class Repeats:
     by_chance: bool = False
 
 
-def repeats_of(axes: Sequence[Vector], begins: Indices, duplicates: float = 0.0) -> Repeats | None:
-    """Return how values repeat on axes of one device; None if they do not. `duplicates`: share of repeated stamps.
+def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> Repeats | None:
+    """Return how values repeat on axes of one device, from their `repeats`; None if they do not.
+    `duplicates`: share of repeated stamps.
 
     If nearly all runs of equal samples are multiples of k, the logger repeats values k times. In fine outputs, equal
     neighbours are repeats: regular for a faster logger, random for lost samples."""
-    same = repeats(list(axes), begins)
     repeated = np.count_nonzero(same) / same.size
-    if repeated < LIMITS.least_share or (1 - repeated) * same.size < LIMITS.least_changes - 0.5:
+    if repeated < LIMITS.least_share or same.size - np.count_nonzero(same) < LIMITS.least_changes:
         return None
-    changes = np.flatnonzero(~same)
-    lengths = np.diff(changes)
+    # How often a value returns after one other value: never for a fine output, often for a coarse one.
+    levels = [values[~same] for values in axes]
+    returned = float(np.mean(np.logical_and.reduce([x[2:] == x[:-2] for x in levels])))
+    single = np.count_nonzero(~(same[1:] | same[:-1]))  # runs of one sample, without the last run
+    if 2 * single > levels[0].size and returned > LIMITS.chance_share * (1 - (levels[0].size - 1) / same.size):
+        return None  # the share below is at most that of all runs
+    lengths = np.diff(np.flatnonzero(~same))
     # Without the samples at which the output froze.
-    lengths = lengths[lengths <= LIMITS.longest_run * _median(lengths)]
+    lengths = lengths[lengths <= LIMITS.longest_run * np.median(lengths)]
     every = float(np.mean(lengths))
     share = 1 - 1 / every
-    # How often a value returns after one other value: never for a fine output, often for a coarse one.
-    levels, returns = [values[changes] for values in axes], np.ones(changes.size - 2, dtype=np.bool_)
-    for values in levels:
-        returns &= values[2:] == values[:-2]
-    by_chance = np.count_nonzero(returns) > LIMITS.chance_share * share * returns.size or all(map(_is_slow, levels))
+    by_chance = returned > LIMITS.chance_share * share or all(map(_is_slow, levels))
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
@@ -132,15 +133,9 @@ def _is_slow(levels: Vector) -> bool:
     return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
-def _median(lengths: Indices) -> float:
-    """Return the median of lengths that are mostly short, without a sort."""
-    below, half = np.cumsum(np.bincount(lengths)), (lengths.size - 1) // 2
-    return float(np.mean(np.searchsorted(below, [half, lengths.size - 1 - half], side="right")))
-
-
 def _common_multiple(lengths: Indices) -> int:
     """Return the largest k of which almost all lengths of runs are multiples; 1 if there is none."""
-    for k in range(min(int(_median(lengths)), LIMITS.most_repeats), 1, -1):
+    for k in range(min(int(np.median(lengths)), LIMITS.most_repeats), 1, -1):
         if np.mean(lengths % k == 0) >= LIMITS.multiple_share:
             return k
     return 1

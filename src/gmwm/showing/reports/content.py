@@ -288,14 +288,13 @@ def _test(axis: AxisCalibration, rejected: bool) -> str:
 
 def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
-    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best ± standard error"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < MOST_CANDIDATES_LISTED or c.equivalent or c.recommended]
     for candidate in listed:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
-        numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
-        texts_of_numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)
-        rows.append([round_fixed(ranking.label(candidate)), word, *texts_of_numbers])
+        numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in (wic.value, wic.loss, wic.optimism))
+        rows.append([round_fixed(ranking.label(candidate)), word, *numbers, ranking.difference_text(candidate)])
     more = len(ranking.distinct) - len(listed)
     return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 
