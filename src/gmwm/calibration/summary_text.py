@@ -40,8 +40,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
 
 
 def model_words(model: Model) -> str:
-    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the numbers of
-    oscillations and lines.
+    """Describe a model by its processes, "filter" for ARMA, and numbers of oscillations and lines.
 
     >>> from gmwm import Model
     >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
@@ -87,14 +86,7 @@ def _axes_table(
 
 
 def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
-    """Describe models in the words of `model_words`, or in their notation if the width is too small. Models for which
-    it is still too small are described by their first terms.
-
-    >>> from gmwm import Model
-    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
-    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
-    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
-    """
+    """Describe models by `model_words`, in a small width by their notation, or else by their first terms."""
     words = [model_words(model) for model in models]
     short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
     for forms in (words, short):
@@ -217,8 +209,7 @@ def _range(ascending: Sequence[str]) -> str:
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Return tables with a column for each axis and a row for each number. Up to three axes that fit the width are side
-    by side."""
+    """Return tables with a row for each number and a column for each axis, up to three if they fit."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -238,8 +229,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return the rows of the table of some axes: model, goodness of fit, outliers, then one number each in datasheet
-    units."""
+    """Return rows for axes: model, goodness of fit, outliers, then each number in datasheet units."""
     calibrations = list(axes.values())
     rows = [
         ["", *axes],

@@ -45,8 +45,7 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """Format a number with half its interval in per cent, with both parts if one is twice the other, with the ends
-    alone if wide, or as an upper limit."""
+    """Format a number with half its interval in %, with both parts or ends if uneven or wide, or as a limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{round_text(value, 3)} fixed"

@@ -123,11 +123,8 @@ def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) 
 
 
 def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
-    """Return a panel with the wavelet variances of the axes of one sensor.
-
-    `of` has the wavelet variances by axis for each estimate. The key of an estimate is added to the axis in the legend:
-    "" for the first estimate, which is drawn with filled symbols, and for example ", robust" for another.
-    """
+    """Return a panel with the wavelet variances of a sensor's axes, by estimate. An estimate's key is added to the axis
+    in the legend: "" for filled symbols, and for example ", robust"."""
     items: dict[str, WaveletVariance] = {}
     strokes: list[Stroke] = []
     for name, axes in of.items():
@@ -190,11 +187,8 @@ def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
 
 
 def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
-    """Return the process of a term after its handle was dragged to a new position, with the new values held fixed.
-
-    The curve of the new process goes through the position `to` (time, value). If the process has a correlation time,
-    this time changes in proportion to the horizontal position.
-    """
+    """Return the process of a term after its handle was dragged, with its values held fixed. Its curve goes through
+    `to` (time, value); a correlation time changes in proportion to the horizontal position."""
     wv = fit.wavelet_variance
     process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
     shown = view_for(wv, session.view, session.units)

@@ -1,9 +1,6 @@
 """Read ROS recordings without ROS: bags of ROS 1, and databases and MCAP files of ROS 2, as files or directories.
 
-Every topic whose messages hold numbers is a recording. It is inertial if its type is sensor_msgs/Imu or its fields have
-the names of axes. The time is the stamp in the header of each message, or the time of recording if the stamp is not
-set.
-"""
+Topics with numbers are recordings, inertial by type sensor_msgs/Imu or by names, with times of headers or recording."""
 
 from __future__ import annotations
 

@@ -111,8 +111,7 @@ class Inspection(Documented, Summarised):
 
 
 def combined(inspections: Sequence[Inspection]) -> Inspection:
-    """Combine the inspections of the sensors of one recording, which have different rates of their own. The rate and
-    the length are those of the first one."""
+    """Combine the inspections of sensors with different rates; rate and length are those of the first."""
     first, *others = inspections
     if not others:
         return first
@@ -145,8 +144,7 @@ def _segment_words(inspection: Inspection) -> str:
 
 
 def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Describe the result of an inspection as text, with options as in Python or in the shell; see
-    `Inspection.summary`."""
+    """Describe an inspection as text, with options as in Python or in the shell; see `Inspection.summary`."""
     lines = [
         f"{inspection.source or 'recording'}: {inspection.samples} samples at {inspection.rate:g} Hz, "
         f"{duration_text(inspection.duration)}" + _segment_words(inspection),

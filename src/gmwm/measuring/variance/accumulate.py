@@ -269,8 +269,6 @@ class WaveletAccumulator(SegmentedAccumulator):
     def __repr__(self) -> str:
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
-    # --- private methods ------------------------------------------------------------------------------
-
     def _copy(self) -> WaveletAccumulator:
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
         self._fold()

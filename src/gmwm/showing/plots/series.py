@@ -153,8 +153,7 @@ class _SignalRow:
 
 
 def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
-    """Return panels of one quantity over the same time. If possible, they have a common vertical scale, or at least a
-    common power of ten in their labels."""
+    """Return panels over the same time with a common vertical scale, or at least power of ten."""
     first, last = (float(end([end(row.trace.seconds) for row in rows])) for end in (np.min, np.max))
     x, size = elapsed_axis(first, last, last - first)
     spans = [row.trace.span for row in rows]
@@ -212,8 +211,7 @@ def quantity_name(unit: str) -> str:
 
 
 def row_height(rows: int, usual: float) -> float:
-    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page. A row has at
-    least 20 mm, because it would not be readable otherwise."""
+    """Return the height of a row (mm), readable from 20 mm up to `usual`, so that all fit on a printed page."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 

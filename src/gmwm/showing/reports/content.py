@@ -263,10 +263,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
 
 
 def regression_table(regression: Regression | None) -> dict[str, Any]:
-    """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
-
-    The first row of the table has the headings.
-    """
+    """Return a text on a regression, and a table of coefficients with headings first; {} without one."""
     if regression is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
@@ -282,10 +279,7 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
 
 
 def _test(axis: AxisCalibration, rejected: bool) -> str:
-    """Describe the goodness-of-fit test of one axis in words.
-
-    If several axes are tested, single p-values below 5 % are expected by chance, so the level is that of all axes.
-    """
+    """Describe one axis's goodness-of-fit test; the level is for all axes, as single p < 5 % occur by chance."""
     if axis.test is None:
         return "No test: there are too few levels"
     summary = axis.test.summary(rejected and axis.test.pvalue <= 0.05)

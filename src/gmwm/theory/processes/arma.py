@@ -1,8 +1,6 @@
-"""Autoregressive moving averages of any order, with or without a season.
+"""Autoregressive moving averages of any order, with or without a season (φ, θ and alike Φ, Θ):
 
-φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t,   Var ε = σ²,   B X_t = X_{t−1},
-φ(B) = 1 − φ₁B − … − φ_p B^p,   θ(B) = 1 + θ₁B + … + θ_q B^q.   Φ and Θ have the same form and the orders P and Q.
-"""
+φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, Var ε = σ², φ(B) = 1 − φ₁B − … − φ_p B^p, θ(B) = 1 + θ₁B + … + θ_q B^q."""
 
 from __future__ import annotations
 

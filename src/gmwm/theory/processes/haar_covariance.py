@@ -1,16 +1,12 @@
 """Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
 
-Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j:
+With the generalised covariance K(m) of the running sum, and half-scales h_j = 2^(j−1):
 
     2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a),
 
-where a takes the values 0, h_j, 2h_j and b the values 0, h_k, 2h_k, each with the weights c = (1, −2, 1). The nine
-terms cancel almost completely in double precision. Therefore the second difference over the finer level is computed
-first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is
-D(u) − 2 D(u − h_k) + D(u − 2 h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers,
-because Gauss rules compute the sums over lags. A kink is a lag at which the covariance is not smooth, and each rule
-covers an interval between two kinks.
-"""
+a in 0, h_j, 2h_j and b in 0, h_k, 2h_k with weights c = (1, −2, 1). The nine terms nearly cancel, so D(m) = Σ_a c_a K(m
++ a) has a closed form in y = |m + h_j| (`cpp/src/differences.cpp`), and the sum is D(u) − 2 D(u − h_k) + D(u − 2 h_k).
+Lags can be real, for Gauss rules between kinks, lags without smoothness."""
 
 from __future__ import annotations
 
@@ -75,12 +71,9 @@ Pieces = tuple[Indices, Indices, Indices, Vector]
 class LagGrid:
     """Pairs of levels j ≤ k and lags u (samples) at which covariances of wavelet coefficients are computed.
 
-    `fine` and `coarse` (n,) are the half-scales h_j and h_k. `odd` marks the nodes that represent odd lags of an
-    alternating covariance. `known` and `recent` cache covariances by class and shape: of fixed shapes, and of the
-    shapes that were used last (None after one use). `whole` is the grid of which this one has the first nodes.
-    `pieces` are the groups of adjacent nodes of a pair of levels without a kink: the first node of each group, its
-    pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
-    """
+    `fine` and `coarse` (n,) are h_j and h_k; `odd` nodes are odd lags of alternating covariances. `known` and `recent`
+    cache covariances of fixed and of last shapes (None after one use). `whole` is the grid that begins with these
+    nodes. `pieces` are groups of nodes without a kink: first nodes, patterns, their begins, all offsets."""
 
     fine: Vector
     coarse: Vector
@@ -122,8 +115,7 @@ def quantization(at: LagGrid) -> Vector:
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Compute the covariances (n,) for r(0), …, r(L), which is 0 at longer lags: those of white noise of equal density
-    at f = 0, except near the kinks, where a table is used."""
+    """Compute covariances (n,) of a short r(0), …, r(L): white noise of equal density, or near kinks a table."""
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
@@ -152,8 +144,7 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`. They are a sum of nine
-    terms, from which the constants that cancel are removed analytically."""
+    """Compute covariances (n,) of (−1)^k e^(−λ|k|), nine terms without the constants that cancel."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

@@ -58,8 +58,7 @@ class _DecayCoordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the search branch φ = ±e^(−λ) of an AR1, with a larger smallest λ than GM, because φ near 1 has a limited
-    resolution."""
+    """Return the branch φ = ±e^(−λ) of an AR1, with larger λ than GM, as φ near 1 has a limited resolution."""
     along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -175,17 +174,14 @@ class _Markov(Process, abstract=True):
 
 
 def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
-    """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
+    """Draw marginal variances s² and φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
-    The condition of a draw is `occasion.first` plus `number`, the number of earlier Markov terms. φ₋ (`before`) is the
-    φ drawn for the last of these terms, or 0, U(a, b) is a uniform random number, and u is drawn from U(0, 1).
+    The condition is `occasion.first` plus the `number` of earlier Markov terms; φ₋ (`before`) is the last one's φ, or
+    0, and u is uniform.
 
     - In condition 1, φ = (1 − √(1 − u))/5.
-    - In condition 2, φ is drawn from U(max(0.9, φ₋), φ_max) and σ² from U(0, σ̂_T²(1 − φ²)/100).
-    - In all other conditions, φ = (φ_max − φ₋)√(1 − u) + φ₋.
-
-    Except in condition 2, σ² is drawn from U(½, 1) σ̂_T²(1 − φ)². The marginal variance is s² = σ²/(1 − φ²).
-    """
+    - In condition 2, φ is from U(max(0.9, φ₋), φ_max) and σ² from U(0, σ̂_T²(1 − φ²)/100).
+    - Otherwise, φ = (φ_max − φ₋)√(1 − u) + φ₋. Except in 2, σ² is from U(½, 1) σ̂_T²(1 − φ)²; s² = σ²/(1 − φ²)."""
     # Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`).
     fastest_drawn = 0.999995
     condition = occasion.first + number
@@ -383,8 +379,7 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return T_c and q_c with their derivatives `time` and `walk`; for τ ≪ T_c the process acts as a random walk with K
-    = q_c."""
+    """Return T_c and q_c with derivatives `time` and `walk`; for τ ≪ T_c it acts as a walk with K = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

@@ -31,8 +31,7 @@ NEGLIGIBLE_CORRELATION = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance for scale coefficient 1: a table r(0), …, r(L), and exponentials Σ a e^(−λ|k|), or (−1)^k
-    e^(−|λ|k) for λ < 0."""
+    """Autocovariance for scale 1: a table r(0), …, r(L), and Σ a e^(−λ|k|), or (−1)^k e^(−|λ|k) for λ < 0."""
 
     autocovariance: Vector
     amplitudes: tuple[float, ...] = ()

@@ -561,11 +561,7 @@ ModelLike = Model | Process | str  # types that are accepted as a model
 
 
 def as_model(model: Any, name: str = "model") -> Model:
-    """Convert a model, a single process, the text of a sum, or a result with a `model` to a Model.
-
-    >>> as_model("GM + WN")
-    Model('GM + WN')
-    """
+    """Convert a model, a single process, the text of a sum, or a result with a `model` to a Model."""
     if isinstance(model, Model):
         return model
     if isinstance(model, Process):

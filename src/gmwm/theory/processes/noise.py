@@ -83,6 +83,10 @@ class WN(Process):
         """Compute the autocovariance, which is σ² at lag 0 and 0 at other lags."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Compute the power spectral density S(f) = σ² Δt."""
+        return np.full(as_frequencies(frequencies, as_rate(rate)).shape, self.scale / rate)
+
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Compute the covariances (n,) of Haar wavelet coefficients (u²).
 

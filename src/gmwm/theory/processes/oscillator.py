@@ -24,11 +24,9 @@ from gmwm.theory.processes.validation import as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
-"""Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
-periods cannot distinguish larger ones from a sinusoid."""
+"""Qualities of an oscillator: at ½ it does not oscillate, and 10⁹ periods do not distinguish a sinusoid."""
 PERIODIC_QUALITY = 2.0
-"""Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
-that at the peak."""
+"""Quality of nearly periodic processes: density at low frequencies below a quarter of the peak's."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
 
@@ -212,8 +210,7 @@ class OSC(Process):
 
 
 def name_in_text(term: str, process: Process) -> str:
-    """Return the name of a term for readers. A nearly periodic process is named by its frequency, and not by its number
-    in the model.
+    """Return the name of a term for readers; nearly periodic ones are named by frequency, not number.
 
     >>> from gmwm.processes import SIN, WN
     >>> name_in_text("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0)), name_in_text("WN", WN())

@@ -31,9 +31,8 @@ _mixture = lru_cache(maxsize=16)(self_similar.mixture)
 
 
 class PowerLaw(Process, abstract=True):
-    """Continuous-time noise with the spectrum |f|^(−α), −1 < α < 3, averaged over each sampling interval. Its Haar
-    wavelet variance is ν_j² = ν_1² (τ_j/2)^(α−1), and its running sum has the generalised covariance K(m) = ½ν_1² m²
-    (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
+    """Continuous noise with spectrum |f|^(−α), −1 < α < 3, averaged over intervals: ν_j² = ν_1² (τ_j/2)^(α−1), K(m) =
+    ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1) of the running sum, up to a + b m²."""
 
     stationary = False
     approximate = True

@@ -153,8 +153,7 @@ class SIN(Process):
         """
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
-        # If the phase, relative to the multiple, changes by at least half a turn over the recording, the remark does
-        # not apply.
+        # If the phase changes by half a turn over the recording, the remark does not apply.
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
@@ -184,8 +183,7 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt and b = πfΔt, with a reduced without rounding
-    first."""
+    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt (reduced without rounding), b = πfΔt."""
     below = _fold(frequency, rate)
     a, b = np.pi * (_fold(below * half, rate) / rate), np.pi * (below / rate)
     # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
@@ -201,8 +199,7 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
 def _any_gain(
     frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> tuple[Matrix, Matrix]:
-    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative by f, with half the squared scaling gain G and
-    φ = fΔt."""
+    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative by f; G half the squared gain, φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
     below = _fold(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
@@ -220,9 +217,8 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative from cos πφ and sin πφ. The p zeros of g(z) = (1 + z)^p Q(z)
-    at half the sampling rate are factored out to keep full accuracy near them. For filters with 2p taps, R is the
-    polynomial of Daubechies in sin² πφ; otherwise it is |Q|²."""
+    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative; g(z) = (1 + z)^p Q(z) without its zeros stays accurate. R
+    is Daubechies' polynomial in sin² πφ for 2p taps, otherwise |Q|²."""
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
         terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p

@@ -270,11 +270,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def adding(model: str, term: str) -> str:
-    """Return a model with a term added.
-
-    >>> adding("GM + WN", "GM")
-    '2*GM + WN'
-    """
+    """Return a model with a term added."""
     processes = (*Model.parse(model).processes, *Model.parse(term).processes)
     names = [process.name for process in processes]
     return str(Model(tuple(sorted(processes, key=lambda process: names.index(process.name)))))
