@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Vector, as_vector
+from gmwm.base.arrays import FrozenArrays, Integers, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
@@ -293,8 +293,8 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 
 
 def coefficient_counts(
-    samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
-) -> NDArray[np.int64]:
+    samples: int | Integers, levels: Integers, filter: WaveletFilter, transform: Transform
+) -> Integers:
     """Return M_j = N − L_j + 1, the inner coefficients, or every 2^j-th if decimated; ≤ 0 if none."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
@@ -303,8 +303,8 @@ def coefficient_counts(
 
 
 def pooled_counts(
-    lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    lengths: Sequence[int], levels: Integers, filter: WaveletFilter, transform: Transform
+) -> tuple[Integers, Vector]:
     """Return M_j = Σ_s M_sj and the edf M_j² / Σ_s (M_sj² / η_sj), η_sj ≥ 1, above M_j / 2^j for many short ones."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
@@ -324,9 +324,7 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
     return level
 
 
-def degrees_of_freedom(
-    counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
-) -> NDArray[np.float64]:
+def degrees_of_freedom(counts: Integers, levels: Integers, transform: Transform) -> Vector:
     """Compute the edf max(M_j / 2^j, 1), or M_j if decimated (Percival 1995); the level −l of a lag counts as 1."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, np.maximum(levels, 1))), 1.0)
 

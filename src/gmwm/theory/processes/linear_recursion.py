@@ -254,9 +254,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         start = self.scale * r[np.abs(np.subtract.outer(np.arange(size), np.arange(size)))]
         return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_rate(rate)
         n, count = as_paths(n, paths)

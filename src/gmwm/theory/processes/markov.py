@@ -161,9 +161,7 @@ class _Markov(Process, abstract=True):
             return ()
         return (Remark.of("few-correlation-times", term=term, count=float(times), least=FEW_TIMES),)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))

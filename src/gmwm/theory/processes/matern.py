@@ -203,9 +203,7 @@ class MAT(Process):
         result = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
         return np.asarray(self.scale * result.reshape(n.shape))
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n).
 
         The simulation is exact. Short paths use a square root of the covariance matrix; longer paths use circulant

@@ -438,9 +438,7 @@ class Model(KalmanMethods):
 
         return loglikelihood(self, data, rate, mean=mean)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths of the sum, an array (n,), or (paths, n) if `paths` is given.
 
         Stationary terms start in their stationary distribution.

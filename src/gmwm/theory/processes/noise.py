@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
@@ -98,9 +98,7 @@ class WN(Process):
         """Return the density σ² of the white noise."""
         return ExponentialSum(white=self.scale)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -189,9 +187,7 @@ class QN(Process):
             F=[[0.0, 0.0], [1.0, 0.0]], Q=[[q2, 0.0], [0.0, 0.0]], H=[1.0, -1.0], P0=[[q2, 0.0], [0.0, q2]]
         )
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate sample paths with uniform rounding errors, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
@@ -286,9 +282,7 @@ class RW(Process):
         gamma2 = self.scale
         return StateSpace(F=1.0, Q=gamma2, H=1.0, P0=gamma2, diffuse=[True])
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -363,9 +357,7 @@ class DR(Process):
         slope = self.value("omega")
         return StateSpace(F=[[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)), H=[1.0, 0.0], m0=[0.0, slope])
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Return the ramp as an array (n,), or (paths, n) with the same ramp in every path."""
         as_paths(n, paths), as_rate(rate), as_rng(rng)
         return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()

@@ -110,9 +110,7 @@ class PowerLaw(Process, abstract=True):
         epsilon, first = self.law
         return np.asarray(first * self_similar.spectrum(np.abs(f) / rate, epsilon) / rate)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with the exact covariance, (n,) or (paths, n); for α ≥ 1 by stationary
         increments."""
         n, count = as_paths(n, paths)
