@@ -142,7 +142,7 @@ class RowParser:
             )
             if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
-            if frame is not None and _has_nulls(frame):
+            if frame is not None and (_has_nulls(frame) or self._has_more_cells(block, frame.height)):
                 frame = self._frame_or_none(
                     _without_blank_lines(block if self._even(block) else self._repair(block, line))
                 )
@@ -175,6 +175,12 @@ class RowParser:
         except pl.exceptions.NoDataError:
             return None
         return None if frame.is_empty() else frame
+
+    def _has_more_cells(self, block: bytes, rows: int) -> bool:
+        """Return whether a row may be too long. Polars reports such a row only if it reads all columns."""
+        d = self.dialect
+        cells = len(block.split()) if d.delimiter == BLANKS else block.count(d.delimiter.encode()) + rows
+        return len(self.projection) < d.columns and cells > rows * max(d.fields, d.columns)
 
     def _even(self, block: bytes) -> bool:
         """Return whether each line of a block has the right number of cells, by a count of the delimiters."""

@@ -114,14 +114,18 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
     if len(jumps) > 1:
         courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
         gain = max(gain, base - likelihood.with_all(courses) - _CLEAR.together * (len(jumps) - 1))
-    times = np.geomspace(2.0, means.size / 2, 12)
-    decays = np.where(at > place, np.exp(-np.maximum(at - place, 0.0) / times[:, None]), 0.0)
+    # The place of a jump is not quite that of a warm-up.
+    times = np.tile(np.geomspace(2.0, means.size / 2, 12), 5)
+    since = at - place - np.repeat(np.arange(-1, 1.1, 0.5), 12)[:, None]
+    decays = np.where(since > 0, np.exp(-np.maximum(since, 0.0) / times[:, None]), 0.0)
     values = np.min(likelihood.with_one(likelihood.transform(decays)).values, axis=0)
     best = int(np.argmin(values))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
-    if base - values[best] < max(gain, _CLEAR.gain) + 6.6:
+    rival = gain + 6.6 if jumps else max(gain, TrendTest(means).statistic + 6.6, best_swing(likelihood).gain + 6.6)
+    if base - values[best] < max(rival, _CLEAR.gain + 6.6):
         return []
-    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= _POSSIBLE.matters:
+    # The largest ratio of K of 18 axes at rest is 1.08.
+    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.1:
         return []
     return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
 
