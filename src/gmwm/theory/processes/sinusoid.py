@@ -116,10 +116,7 @@ class SIN(Process):
         return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return a state space with two states that rotate by 2πf₀ per second.
-
-        The states rotate at the alias if f₀ is above half the sampling rate.
-        """
+        """Return two states that rotate by 2πf₀ per second, or at its alias above half the sampling rate."""
         turn = 2.0 * math.pi * self.line(as_rate(rate))[1] * rate
         start = self.scale * np.eye(2)
         return ContinuousStateSpace(A=[[0.0, turn], [-turn, 0.0]], Qc=np.zeros((2, 2)), H=[1.0, 0.0], P0=start)
@@ -145,10 +142,8 @@ class SIN(Process):
         )  # fmt: skip
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return a remark if the frequency is a multiple of half the sampling rate.
-
-        At even multiples all samples equal A sin U; at odd multiples they alternate between A sin U and −A sin U.
-        """
+        """Return a remark if the frequency is a multiple of half the rate: all samples are then A sin U, or alternate
+        with −A sin U."""
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
         # If the phase changes by half a turn over the recording, the remark does not apply.
