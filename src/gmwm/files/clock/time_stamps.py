@@ -137,7 +137,7 @@ def _wraps(steps: Vector, nominal: float, near: float, lengths: Sequence[float])
 
 
 def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, Integers]:
-    """Return stamps that never decrease, and rows before which the clock was set back, where they go on by one
+    """Return stamps that never decrease, and rows before which the clock was set back. There the stamps go on by one
     interval; a single one out of order gets its neighbour's time."""
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
