@@ -159,9 +159,6 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
     return replace(x, values=drawn(x.values, right))
 
 
-# --- detection --------------------------------------------------------------------------------------------
-
-
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
     places, _ = _sample_places(values.size, _BULK)

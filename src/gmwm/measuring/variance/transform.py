@@ -253,9 +253,6 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
     return filter.scaling / np.sqrt(2.0), filter.wavelet / np.sqrt(2.0)
 
 
-# --- the decimated pyramid ----------------------------------------------------------------------------
-
-
 def _decimate(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
     """Compute the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even length."""
     half = values.size // 2
@@ -281,8 +278,6 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
     first = (1 - l) % 2
     return np.roll(values[first::2], (l - 1 + first) // 2)
 
-
-# --- coefficients of which a wavelet variance is the mean square --------------------------------------
 
 Transform = Literal["modwt", "dwt"]  # kind of transform: maximal-overlap ("modwt") or decimated ("dwt")
 

@@ -479,8 +479,6 @@ class Model(KalmanMethods):
         """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
         return [label for _, label in sorted((str(p), t) for t, p in self._by_label())]
 
-    # --- algebra and text -----------------------------------------------------------------------------
-
     def __add__(self, other: Process | Model) -> Model:
         if not isinstance(other, (Process, Model, type)):
             return NotImplemented
