@@ -276,6 +276,15 @@ def datasheet_units(si: str) -> dict[str, float]:
     return {name: 1 / size for name, size in _PRINTED.get(si, ())}
 
 
+def usual_unit(si: str) -> tuple[str, float]:
+    """Return the usual datasheet unit of a coefficient and the factor from SI; the unit itself if it has none.
+
+    >>> usual_unit("m/s²")[0], usual_unit("V")
+    ('mg', ('V', 1.0))
+    """
+    return next(iter(datasheet_units(si).items()), (si, 1.0))
+
+
 T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")

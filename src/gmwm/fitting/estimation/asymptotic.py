@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, freeze
-from gmwm.base.errors import ModelError
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
 from gmwm.fitting.estimation.recordings import spread_of_mean
+from gmwm.fitting.estimation.weighting import no_noise
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.robust import rounding_bias
 from gmwm.theory.processes.model import Model
@@ -98,16 +98,8 @@ def noise_covariance(model: Model, design: Design) -> Matrix:
     """Return the covariance V (J, J); raise ModelError if the model has no noise at some level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
-        raise no_noise(model)
+        raise no_noise(model.structure)
     return wavelet
-
-
-def no_noise(model: Model) -> ModelError:
-    """Return the error for a model whose wavelet variance has no random error at some level."""
-    return ModelError(
-        f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
-        advice="Use a model with noise at every level, for example with WN.",
-    )
 
 
 def sandwich_of(

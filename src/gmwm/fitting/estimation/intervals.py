@@ -11,10 +11,10 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
-from gmwm.fitting.estimation.asymptotic import no_noise, sandwich_of
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
-from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.estimation.weighting import no_noise, precision
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
@@ -115,7 +115,7 @@ def _intervals(
         as_draws(draws, least_draws(level), f"an interval of {100 * level:g} %")
         drawn = bootstrap(fit, draws, seed)
         if not np.all(np.ptp(drawn.variances, axis=0) > 0):
-            raise no_noise(fit.model)
+            raise no_noise(fit.model.structure)
         two_sided = drawn.quantiles((1 - level) / 2, (1 + level) / 2)
     else:
         two_sided = _asymptotic(fit, level, covariance)

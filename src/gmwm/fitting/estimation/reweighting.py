@@ -19,7 +19,7 @@ from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.exponential_search import reweight, search_for_weights, search_of
 from gmwm.fitting.estimation.problem import Problem, pose
 from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
-from gmwm.fitting.estimation.weighting import precision, weighting_matrix
+from gmwm.fitting.estimation.weighting import no_noise, precision, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.variance.result import WaveletVariance
@@ -192,9 +192,16 @@ def _nearly_settled(
         at = model_of(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
-            raise _no_noise(model)
+            raise no_noise(model.structure)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
+        if not np.all(_implied_curve(problem, solution, wv) > 0):
+            # Under the full weights of a poor estimate, a model without noise can be the best one. It never is under
+            # weights without covariances.
+            wavelet = np.diag(np.diag(wavelet))
+            problem = problem.under(precision(wavelet))
+            solution = resume(problem, solution)
+            break
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
@@ -258,14 +265,8 @@ def reciprocal(variance: Vector, model: Model) -> Vector:
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
-        raise _no_noise(model)
+        raise no_noise(model.structure)
     return np.asarray(weights)
-
-
-def _no_noise(model: Model) -> ModelError:
-    return ModelError(
-        f"{model.structure} as estimated has no noise at some level", advice="Add a term to the model, for example WN."
-    )
 
 
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:

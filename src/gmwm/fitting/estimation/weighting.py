@@ -104,14 +104,20 @@ def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]
     return ()
 
 
+def no_noise(model: object) -> ModelError:
+    """Return the error for a model whose wavelet variance has no random error at some level."""
+    return ModelError(
+        f"{model} as estimated has no noise at some level, so its estimates would be exact",
+        advice="Add WN to the model. If it has WN, the signal has a line or a ramp without noise, or parts with "
+        "different noise: look at it with {gmwm info}, and leave these parts out with {--skip}.",
+    )
+
+
 def precision(covariance: Matrix) -> Matrix:
     """Return V⁻¹, scaled to unit diagonal, with eigenvalues above rounding; ModelError if a variance is zero."""
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
-        raise ModelError(
-            "the model as estimated has no noise at some level, so its covariance has no inverse",
-            advice="Add a term to the model, for example WN, or use {--weighting=diagonal}.",
-        )
+        raise no_noise("the model")
     share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
     share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
     inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]

@@ -247,7 +247,7 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
     the threshold, spikes resemble its tails. In each bin as many as exceed the bulk are chosen, far beyond all. Bins
     below the threshold follow until one has no clear surplus."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
-    if not np.isfinite(threshold):
+    if not np.isfinite(threshold) or not deviation.size:
         return chosen
     from scipy.special import stdtrit
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
-from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, letter_of, noise_unit, parse_unit, sensor_of
+from gmwm.base.units import SI_UNIT, Quantity, find_unit, letter_of, noise_unit, parse_unit, sensor_of, usual_unit
 from gmwm.showing.plots.axes import number_text
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.oscillator import name_in_text
@@ -110,7 +110,7 @@ def _physical_text(number: Physical, unit: str, named: bool) -> str:
             return f"{number.symbol} = {number_text(number.value, DIGITS)}"
         return f"{number.symbol} = {duration_text(number.value)}"
     si, factor = noise_unit(number.time_power, unit)
-    name, size = next(iter(datasheet_units(si).items()))
+    name, size = usual_unit(si)
     return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}".replace("-", "−")
 
 
@@ -170,7 +170,7 @@ ViewName: TypeAlias = Literal["auto", "wavelet", "allan"]
 UnitSystem: TypeAlias = Literal["auto", "si", "datasheet"]
 """rad/s and m/s², or deg/h and mg; "auto" is the latter for Allan deviations of rates and accelerations."""
 
-DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
+DATASHEET_UNIT: dict[Quantity, str] = {quantity: usual_unit(si)[0] for quantity, si in SI_UNIT.items()}
 """Unit of an Allan deviation on datasheets, for gyroscopes and for accelerometers."""
 
 _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg": "mg²"}

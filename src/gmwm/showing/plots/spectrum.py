@@ -37,12 +37,12 @@ BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
     """Return the unit of the root density of data in `unit`, and the conversion factor to this unit."""
-    if units not in ("si", "datasheet"):
+    if units not in ("si", "datasheet", "auto"):
         raise OptionError(argument="units", expected='"si" or "datasheet" (deg/s/√Hz, µg/√Hz)', got=units)
     si, factor = noise_unit(0.5, unit)
-    if units == "si":
-        return si, factor
     densities = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if units == "si" or (units == "auto" and not densities):
+        return si, factor
     if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",

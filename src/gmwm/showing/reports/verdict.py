@@ -66,7 +66,7 @@ def _conditions(recording: Recording) -> Facts:
     gaps = recording.segments - 1
     lost = f"{gaps}, {duration_text(recording.missing)} missing" if recording.missing > 0 else str(gaps)
     jitter = recording.jitter
-    stamps = "none" if jitter is None else f"jitter {significant(jitter, 3)} s (root mean square)"
+    stamps = "none" if jitter is None else f"jitter {significant(round(jitter, 9), 3)} s (root mean square)"
     facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps)]
     facts += [("At rest", "yes" if recording.static else "no"), ("Knocks", str(recording.knocks))]
     if recording.gravity is not None:
