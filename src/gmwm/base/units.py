@@ -180,8 +180,6 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     return unit
 
 
-# --- units of time --------------------------------------------------------------------------------------
-
 TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 """Units of time stamps, with the number of each unit in a second."""
 
@@ -212,8 +210,6 @@ def find_time_unit(text: str) -> str:
     return TIME_WORDS.get(since.group(1).casefold() if since else bare.casefold().replace(" ", ""), "")
 
 
-# --- spellings ------------------------------------------------------------------------------------------
-
 # Spellings of the same unit, replaced in this order.
 _SPELLINGS = (
     (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
@@ -232,8 +228,6 @@ def spelt(text: str) -> str:
         spelling = re.sub(pattern, written, spelling)
     return spelling
 
-
-# --- units of noise coefficients ----------------------------------------------------------------------
 
 _DEGREE = math.pi / 180
 

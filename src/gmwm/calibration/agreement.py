@@ -163,9 +163,6 @@ def _where(
     return recordings
 
 
-# --- the tests --------------------------------------------------------------------------------------
-
-
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
     """Return the numbers of one axis, each with the p-value of its test, not adjusted for the number of tests."""
     axis_sheets = [sheet.get(axis) for sheet in sheets]
@@ -349,9 +346,6 @@ def _adjust(rows: Sequence[Tested], size: float) -> list[Tested]:
         row if row.pvalue is None else replace(row, adjusted=p, agrees=p > size)
         for row, p in zip(rows, adjusted, strict=True)
     ]
-
-
-# --- the reference values ----------------------------------------------------------------------------
 
 
 def _beside(

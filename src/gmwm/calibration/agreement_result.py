@@ -345,8 +345,6 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         return f"Agreement({len(self.compared)} numbers compared, {len(self.disagreeing)} differ)"
 
 
-# --- remarks -------------------------------------------------------------------------------------------
-
 _RAMP = "R"
 
 

@@ -326,9 +326,6 @@ def _longest_unbroken(wv: WaveletVariance) -> float:
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
 
 
-# --- lines and resonances -----------------------------------------------------------------------------
-
-
 def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
     """Yield remarks on the lines and bumps in the spectrum of an axis, if it has a spectrum."""
     spectrum = found.spectrum

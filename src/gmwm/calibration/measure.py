@@ -321,8 +321,8 @@ def _raw(axis: str, part: Part, conditions: Conditions) -> WaveletVariance | Non
 
 
 def _beginnings(part: Part, items: Mapping[str, AxisAccumulator], conditions: Conditions) -> dict[str, Signal]:
-    """Return first samples for the additions without wrong ones and knocks, which a monitor must report, but with the
-    effect of conditions, which it does not remove; if removed while reading, they are read again."""
+    """Return the first samples for the additions, without wrong ones and knocks, which a monitor must report. The
+    effect of conditions stays, as in a monitor; if it was removed while reading, they are read again."""
     beginnings = {
         axis: item.beginning
         for axis, item in items.items()

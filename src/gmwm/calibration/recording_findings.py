@@ -22,8 +22,8 @@ _RAMP = "R"  # symbol of the rate ramp in a datasheet
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Yield the remarks of an inspection that matter, with affected numbers; not those on trends and swings that the
-    model describes, or on knocks and motion that were replaced."""
+    """Yield the remarks of an inspection that matter, with affected numbers. Trends and swings that the model
+    describes, and knocks and motion that were replaced, are left out."""
     for remark in inspection.remarks:
         if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue

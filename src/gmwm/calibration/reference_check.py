@@ -308,9 +308,6 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
     return None
 
 
-# --- text ----------------------------------------------------------------------------------------------
-
-
 def _summary(found: ReferenceCheck) -> str:
     """Return the text of `ReferenceCheck.summary`."""
     verdict, *others = found.remarks

@@ -204,8 +204,8 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 
 
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
-    """Return gravity along each axis with its error, or None: √(g² − h²) if nearly vertical, with the norm h of level
-    axes' means (biases have second-order effect), and g times the tilt, only known by option, if level."""
+    """Return gravity along each axis with its error, or None. It is √(g² − h²) for a near-vertical axis, with the norm
+    h of the level axes' means, whose biases have a second-order effect; for a level axis it is g times its tilt."""
     gravity: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
     gravity |= dict.fromkeys(accel)

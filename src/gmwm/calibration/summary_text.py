@@ -176,9 +176,6 @@ def _details(calibration: Calibration) -> list[list[str]]:
     return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
-# --- the head and the tables ------------------------------------------------------------------------
-
-
 def _head(calibration: Calibration) -> list[str]:
     # On some axes, knocks are replaced too. The axis with the fewest filled samples shows how many were recorded.
     curves = sorted((r.fit.wavelet_variance for r in calibration.axes.values()), key=lambda wv: -wv.filled)

@@ -230,8 +230,8 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """Return a pilot fit's model to plan with, and remarks: without zero terms, and with simpler processes for those
-    that act as them, such as a slow GM as a walk."""
+    """Return a pilot fit's model to plan with, and remarks. Zero terms are left out, and simpler processes replace
+    terms that act as them, such as a slow GM as a walk."""
     from gmwm import Model
     from gmwm.theory.processes.equivalence import likeness
 

@@ -1,5 +1,5 @@
-"""Divide a recording, in memory or in a file, into batches of `BATCH_SAMPLES` samples from its first one on, so that
-results are the same to the last bit in memory and in chunks."""
+"""Divide a recording, in memory or in a file, into batches of `BATCH_SAMPLES` samples from its first one on. Results
+are then the same to the last bit in memory and in chunks."""
 
 from __future__ import annotations
 

@@ -121,9 +121,6 @@ class ReadOptions:
         return {name: _plain(value) for name, value in values.items() if value not in (None, "keep", "error", (), {})}
 
 
-# --- checks that several functions share ----------------------------------------------------------------
-
-
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
     """Check that a value is one of the allowed strings."""
     if not isinstance(value, str) or value not in allowed:
@@ -161,9 +158,6 @@ def as_whole_number(value: int, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)
-
-
-# --- the fields of ReadOptions --------------------------------------------------------------------------
 
 
 _UNITS = '{"gyro": "deg/s", "accel": "g"}'

@@ -70,9 +70,6 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
     return {"data": figure["data"], "layout": layout}
 
 
-# --- the recording ----------------------------------------------------------------------------------
-
-
 def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn], float]:
     """Return a figure of each axis over time, in which users can mark a time range, and the unit of time (s)."""
     figure = description(plot_recording)(imu, units=units)
@@ -119,9 +116,6 @@ def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) 
     return found
 
 
-# --- curves and spectra -----------------------------------------------------------------------------
-
-
 def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
     """Return a panel with the wavelet variances of a sensor's axes, by estimate. An estimate's key is added to the axis
     in the legend: "" for filled symbols, and for example ", robust"."""
@@ -149,9 +143,6 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
             marks.append(replace(mark, label=label, stroke=mark.stroke if symbol else Stroke(colour, 0.9)))
     low, high = min(panel.y.limits[0] for panel in panels), max(panel.y.limits[1] for panel in panels)
     return replace(panels[0], y=value_axis((low, high), panels[0].y.label), marks=tuple(marks), title="")
-
-
-# --- a model ----------------------------------------------------------------------------------------
 
 
 def fit_figure(fit: Fit, session: Session, width: float) -> Drawn:

@@ -165,8 +165,8 @@ SCREEN_COLUMNS = 2048  # largest number of columns to which a recording is reduc
 
 
 class Overview:
-    """Smallest and largest sample of each axis in at most `SCREEN_COLUMNS` parts of `width` samples, which is doubled
-    as the recording grows, since its length is not known before."""
+    """Smallest and largest sample of each axis in at most `SCREEN_COLUMNS` parts of a recording. Their `width`
+    (samples) is doubled as it grows, since its length is not known before."""
 
     def __init__(self, axes: Iterable[str], rate: float) -> None:
         self.axes, self.rate = tuple(axes), rate

@@ -119,8 +119,8 @@ def unit_of(settled: JointSolution) -> float:
 
 
 def optimism(settled: JointSolution, design: Design, levels: Integers) -> Vector:
-    """Return the factor (J,) ≥ 1 of the variance in other recordings over the predicted one, by a parametric bootstrap:
-    filters are designed for matrices estimated from moments drawn under the fitted model."""
+    """Return the factor (J,) ≥ 1 of the variance in other recordings over the predicted one, by a parametric bootstrap.
+    Filters are designed for matrices estimated from moments drawn under the fitted model."""
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.estimate.sigmas, scatter)
     truth = noise_of(settled, centre)

@@ -250,8 +250,8 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """Add the uncertainty of flicker noise near half the rate, modelled as interval averages: flicker of output stages,
-    or aliased, has more power, which a fit would attribute to white noise."""
+    """Add the uncertainty of flicker noise near half the rate, modelled as interval averages. Flicker of output stages,
+    or aliased noise, has more power there, which a fit would attribute to white noise."""
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv

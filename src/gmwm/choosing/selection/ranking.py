@@ -324,7 +324,7 @@ class Ranking(Plotted, Tabular):
         return head, rows
 
     def difference_text(self, candidate: Candidate) -> str:
-        """Format the difference of a criterion from the smallest one, with its standard error for one recording."""
+        """Format the excess of the criterion of `candidate` over the smallest one, with its standard error."""
         alone = candidate is self.best or candidate.out_of_sample is not None
         error = 0.0 if alone else self.compare(candidate.model, self.best.model).error
         return f"{_short(candidate.difference)}{f' ± {_short(error)}' if error else ''}"

@@ -125,8 +125,8 @@ class IntervalCounts:
 
 
 class RunningClock:
-    """Find gaps in a live stream's time stamps, with the interval of the first rows: stamps after a gap stay late,
-    which later rows show, so a block's last segments follow with the next block."""
+    """Find gaps in a live stream's time stamps, with the interval of the first rows. Stamps after a gap stay late.
+    Later rows show this, so a block's last segments follow with the next block."""
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.base.errors import ReadError, UnitError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase
@@ -121,9 +121,7 @@ def _counters(units: set[float], per_second: int) -> list[float]:
     return sorted({*bits, 86_400.0 * per_second, 604_800.0 * per_second})
 
 
-def _wraps(
-    steps: Vector, nominal: float, near: float, lengths: Sequence[float]
-) -> Iterator[tuple[float, NDArray[np.int64]]]:
+def _wraps(steps: Vector, nominal: float, near: float, lengths: Sequence[float]) -> Iterator[tuple[float, Integers]]:
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
     for length in lengths:
@@ -138,8 +136,8 @@ def _wraps(
             return
 
 
-def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
-    """Return stamps that never decrease, and rows before which the clock was set back, where they go on by one
+def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, Integers]:
+    """Return stamps that never decrease, and rows before which the clock was set back. There the stamps go on by one
     interval; a single one out of order gets its neighbour's time."""
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:

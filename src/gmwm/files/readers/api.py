@@ -1,5 +1,5 @@
-"""Read a file of any format, into memory or as a stream, an array of units, or a table in memory, whose library is
-recognised by its methods and not imported."""
+"""Read a file of any format into memory or as a stream, an array of units, or a table in memory. The library of a table
+is recognised by its methods and not imported."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
@@ -129,9 +129,7 @@ def _inverse(hessian: Matrix) -> Matrix | None:
     return np.asarray((axes / strength) @ axes.T)
 
 
-def _derivatives(
-    fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
-) -> tuple[Matrix, Matrix]:
+def _derivatives(fit: Fit, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector) -> tuple[Matrix, Matrix]:
     """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
@@ -155,7 +153,7 @@ def _derivatives(
 
 
 def _of_process(
-    process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector,
+    process: Process, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:  # fmt: skip
     """Return `_derivatives` of one process: by the scale coefficient, then by the parameters `free`."""

@@ -126,9 +126,6 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
     return mixed
 
 
-# --- from the data ------------------------------------------------------------------------------------
-
-
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
     """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and numbers of tapers (J,), 0 for too few coefficients."""
     # 16 intervals for each of 128 tapers, within which a taper hardly changes.

@@ -182,9 +182,6 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
     return terms
 
 
-# --- covariances of coefficients ----------------------------------------------------------------------
-
-
 def _signal_covariance(model: Model, design: Design) -> Vector:
     """Compute A(m) of the signal at all lags 0 … N − 1, up to a constant."""
     if design.samples > LONGEST_SAMPLES:
@@ -259,9 +256,6 @@ def means(model: Model, design: Design) -> Vector:
         return np.zeros(design.levels.size)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
     return slope * np.sqrt(filtered.drift_shape(design.filter, design.levels))
-
-
-# --- sums over lags -----------------------------------------------------------------------------------
 
 
 def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:

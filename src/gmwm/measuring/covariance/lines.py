@@ -93,9 +93,6 @@ def _all_gains(cycles: float, filter: WaveletFilter, count: int) -> NDArray[np.c
     return gains
 
 
-# --- the phases ---------------------------------------------------------------------------------------
-
-
 def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design) -> Matrix:
     """Compute ½ Re Σ c_j c_k* (J, J), the covariance that the random phases cause; see the module docstring."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
@@ -134,9 +131,6 @@ def _mean_turns(
     size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
     middle = last - 0.5 * step * (count - 1.0)
     return np.asarray(size * np.exp(2j * np.pi * np.fmod(middle * cycles, 1.0)))
-
-
-# --- line and noise -----------------------------------------------------------------------------------
 
 
 def _with_noise(noise: Model, lines: Mapping[TermLine, float], design: Design, *, diagonal: bool) -> list[Matrix]:

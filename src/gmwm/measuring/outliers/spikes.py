@@ -159,9 +159,6 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
     return replace(x, values=drawn(x.values, right))
 
 
-# --- detection --------------------------------------------------------------------------------------------
-
-
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
     places, _ = _sample_places(values.size, _BULK)
@@ -182,7 +179,7 @@ def _bulk(
     values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
 ) -> tuple[Vector, int, float, float]:
     """Return the local spread of residuals by block, the block length, and a lower limit and an estimate of the tails'
-    degrees of freedom, from at most about `most` residuals of samples that are `right`."""
+    degrees of freedom. About `most` residuals are used, for the tails of samples that are `right`."""
     places, stride = _sample_places(values.size, most)
     residual = _core.neighbour_residuals(values, values, places, reach)
     # Quantiles of rounded values would not show tails; a triangular dither of two steps makes a density.

@@ -207,8 +207,6 @@ class WaveletAccumulator(SegmentedAccumulator):
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
-    # --- state ----------------------------------------------------------------------------------------
-
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """Return the whole state as numbers, strings and arrays, for pickle, `numpy.savez`, or (as lists) JSON."""

@@ -232,7 +232,7 @@ def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
     """Return the step to the root of the cubic log σ² through two points and slopes, and the product of squared
-    distances; a Newton step if the later criterion is not below a tenth of the earlier."""
+    distances. It is a Newton step if the later criterion is not below a tenth of the earlier."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)

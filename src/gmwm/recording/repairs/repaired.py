@@ -21,8 +21,8 @@ from gmwm.recording.time_ranges import cut_base
 
 
 def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
-    """Return a recording without the logger's faults that can be undone, as the first batch decides, divided if sensors
-    have different rates; remarks of the results say what was changed."""
+    """Return a recording without the logger's faults that can be undone, as the first batch decides. It is divided if
+    sensors have different rates. Remarks of the results say what was changed."""
     batch = next(batches(recording))
     rows = len(recording) if isinstance(recording, Imu) else recording.rows
     base = recording.time_base

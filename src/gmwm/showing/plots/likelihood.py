@@ -249,9 +249,6 @@ TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
 
 
-# --- what is drawn, as data ---------------------------------------------------------------------------
-
-
 def tracks_figure(
     tracks: Tracks, labels: str | Sequence[str] | None = None, *,
     truth: Mapping[str, ArrayLike] | ArrayLike | None = None, level: float = 0.95, units: UnitSystem = "si",
@@ -390,9 +387,6 @@ def _value_axis(low: float, high: float, tracks: Tracks, shown: View) -> tuple[A
     return scaled_axis(low, high, max(abs(low), abs(high)), name=quantity_name(tracks.unit), unit=shown.unit)
 
 
-# --- checks of the arguments --------------------------------------------------------------------------
-
-
 def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
     names = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
     unknown = [label for label in names if label not in tracks.mean]
@@ -423,9 +417,6 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
                 argument="truth", got=path.size, advice="Pass one value for each sample.",
             )  # fmt: skip
     return paths
-
-
-# --- pictures -----------------------------------------------------------------------------------------
 
 
 @drawing

@@ -105,9 +105,6 @@ CLIPPED = "#1b1f24"
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
-# --- what is drawn, as data ---------------------------------------------------------------------------
-
-
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
     """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
@@ -225,9 +222,6 @@ def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | N
         )
         for i, row in enumerate(rows)
     )
-
-
-# --- pictures -----------------------------------------------------------------------------------------
 
 
 @drawing

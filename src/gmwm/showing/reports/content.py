@@ -219,9 +219,6 @@ def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     return pictures
 
 
-# --- the recording and the settings -----------------------------------------------------------------
-
-
 def _settings(calibration: Calibration) -> Facts:
     options = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[options.robust]
@@ -235,9 +232,6 @@ def _settings(calibration: Calibration) -> Facts:
         ("Confidence", f"{100 * options.confidence:g} %"),
         ("Seed", str(options.seed)),
     ]  # fmt: skip
-
-
-# --- one axis ---------------------------------------------------------------------------------------
 
 
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:

@@ -125,9 +125,6 @@ def _with_entries(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
         yield mark, mark.label or by_colour.get(colour, "")
 
 
-# --- traces -----------------------------------------------------------------------------------------
-
-
 def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
     if isinstance(mark, Band):
         return _band(mark, across, up)
@@ -214,9 +211,6 @@ def _swatch(band: Band) -> dict[str, Any]:
 def _shade(colour: str, opacity: float) -> str:
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},{opacity:g})"
-
-
-# --- the layout -------------------------------------------------------------------------------------
 
 
 def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:

@@ -16,8 +16,7 @@ class _Arma(Lagged, abstract=True, listed=False):
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
-        """Return the single term to write for `count` terms: sums of autoregressions are ARMA processes, of moving
-        averages MA."""
+        """Return the term for `count` terms: sums of autoregressions are ARMA processes, of moving averages MA."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
             return cls.name

@@ -154,8 +154,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Return artanh of the partial autocorrelations (n, q) of each polynomial, with −θ for θ or Θ; NaN if
-        undefined."""
+        """Return artanh of partial autocorrelations (n, q) of each polynomial, −θ for θ or Θ; NaN if undefined."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -182,8 +181,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return ends
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute r(k) (u²) = Σ φ_i r(k − i), beyond the degree of θ(B)Θ(B^s), with the coefficients φ_i of
-        φ(B)Φ(B^s)."""
+        """Compute r(k) (u²) = Σ φ_i r(k − i), φ_i of φ(B)Φ(B^s), beyond the degree of θ(B)Θ(B^s)."""
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
@@ -202,8 +200,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lag at which the autocovariance, without slow real roots, is negligible; None if it is too
-        large."""
+        """Return the lag at which the autocovariance without slow real roots is negligible; None if too large."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if tail is None else tail.lags
 
@@ -213,8 +210,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return () if tail is None else tail.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar coefficients (u²): slow real roots in closed form, the others by a
-        table."""
+        """Compute covariances (n,) of Haar coefficients (u²): slow real roots in closed form, others by a table."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         if tail is None:
             raise self.missing("coefficient_covariance")
@@ -240,8 +236,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with the stationary states Z_t, Z_{t−1}, …: φ(B) Φ(B^s) Z_t = ε_t, X_t = θ(B) Θ(B^s)
-        Z_t."""
+        """Return the state space of stationary states Z_t, …: φ(B) Φ(B^s) Z_t = ε_t, X_t = θ(B) Θ(B^s) Z_t."""
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -254,9 +249,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         start = self.scale * r[np.abs(np.subtract.outer(np.arange(size), np.arange(size)))]
         return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_rate(rate)
         n, count = as_paths(n, paths)

@@ -161,9 +161,7 @@ class _Markov(Process, abstract=True):
             return ()
         return (Remark.of("few-correlation-times", term=term, count=float(times), least=FEW_TIMES),)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))
@@ -238,10 +236,7 @@ class AR1(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute the derivatives ∂ν²/∂φ (n, J, 1) for innovation variance 1.
-
-        They are exact for the Haar filter, and finite differences for other filters.
-        """
+        """Compute ∂ν²/∂φ (n, J, 1) for innovation variance 1: exact for Haar, otherwise by finite differences."""
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential_sum.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
@@ -277,10 +272,7 @@ class AR1(_Markov):
         return 0.0 if phi == 0 else float(1.0 / (rate * exponential_sum.log_decay(np.array([phi]))[0]))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return the correlation time T_c and the driving noise density q_c of the Gauss-Markov process with this φ.
-
-        φ = e^(−Δt/T_c). For φ ≤ 0 there is no such process and nothing is returned.
-        """
+        """Return T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0."""
         s2, _, lam = self._pole(as_rate(rate))
         if not self.value("phi") > 0:
             return ()

@@ -101,8 +101,7 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
-        """Return the class of these orders. Raises ModelError if an order is missing, negative or too large, or all
-        orders are zero."""
+        """Return the class of these orders; ModelError if one is missing, negative or too large, or all are zero."""
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
         if key not in ordered._made:

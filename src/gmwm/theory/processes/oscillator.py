@@ -76,8 +76,7 @@ class OSC(Process):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (2, 2) of the coordinates of starting values: f₀ from one period in the recording to half
-        the sampling rate, and Q from 0.7 to 300."""
+        """Return ranges (2, 2) of starts: f₀ from one period per recording to half the rate, and Q from 0.7 to 300."""
         return np.log([[rate / samples, rate / 2], [0.7 - CRITICAL, 300.0 - CRITICAL]])
 
     @classmethod
@@ -110,8 +109,7 @@ class OSC(Process):
         return np.asarray(self.scale * np.exp(-damping * t) * (np.cos(angle) + damping * t * np.sinc(angle / np.pi)))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms
-        would cancel otherwise."""
+        """Compute A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms would cancel."""
         x = np.asarray(2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags)))
         result, near = np.array(self.autocovariance(lags, rate) - self.scale), x < 1.0
         before, last, small = 1.0, 0.0, x[near]  # coefficients of x⁰ and x¹ in r/σ²
@@ -170,8 +168,7 @@ class OSC(Process):
         )  # fmt: skip
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return the time Q/πf₀ (s) in which the envelope of the autocovariance decays to 1/e; None if f₀ or Q has no
-        value."""
+        """Return the time Q/πf₀ (s) of decay of the envelope to 1/e; None if f₀ or Q has no value."""
         frequency, quality = self.values["frequency"], self.values["quality"]
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 

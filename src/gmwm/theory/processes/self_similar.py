@@ -239,8 +239,6 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
     return folded[1], step, np.array([folded[0] @ lags ** (2 * i) for i in range(_TERMS)])
 
 
-# --- mixture of exponentials ----------------------------------------------------------------------------
-
 _STEP = 0.35
 """Distance of nodes in ln τ: trapezoidal error of V below 1e-10 (tests/covariance/test_lag_sums.py)."""
 STEEPEST = 1.2  # largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits

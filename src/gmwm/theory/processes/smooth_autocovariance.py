@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, freeze
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Integers, Matrix, Vector, freeze
 from gmwm.base.lazy import scipy
 from gmwm.theory.filters import WaveletFilter
 
@@ -247,9 +247,7 @@ def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> 
     return total[0], total[1]
 
 
-def _pieces(
-    known: Callable[[Vector], Matrix], starts: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _pieces(known: Callable[[Vector], Matrix], starts: Integers, counts: Integers) -> Vector:
     """Compute the sums (2, functions, pieces) of f(k) and k f(k) over the `counts` integers after each of `starts`."""
     nodes, weights = _rules(counts.astype(np.float64))
     lags = starts[:, None] + 0.5 * (counts[:, None] + 1.0) + nodes

@@ -133,9 +133,6 @@ def _apply_slider(session: Session, axis: str, fit: Fit, relayout: dict[str, Any
     return session
 
 
-# --- what is shown ----------------------------------------------------------------------------------
-
-
 def _record(session: Session, workspace: Workspace) -> tuple[str, ...]:
     job = workspace.recording(session)
     job.join(60)
