@@ -227,11 +227,10 @@ class RecordingStatistics:
             step for step in steps
             if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)
         )  # fmt: skip
-        # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
-        # Change of the direction of gravity (standard errors) that noise does not explain.
+        # A bias of 1.7 mg changes the direction of gravity by 0.1°, and noise by fewer than 5 standard errors.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
-        motions = findings.of_motion(motion, tilt if turned else None, knocks)
+        motions = findings.of_motion(motion, tilt if turned else None, knocks, extent)
         coarse = {
             axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
         }
