@@ -15,7 +15,7 @@ from gmwm.measuring.inspection.knocks import knocks_of, level_length, steps_of
 from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend
-from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import codes
 
 RATE, SAMPLES = 100.0, 64_000
@@ -199,6 +199,6 @@ def test_a_restart_is_a_jump_near_a_short_gap(distance, expected):
 def test_knocks_that_change_no_number_have_no_remark(deviation, named):
     x = np.random.default_rng(4).normal(size=60_000)
     x[30_000] = deviation
-    found = gmwm.inspect(gmwm.Signal(x, 100.0, "rad/s", axis="gyro_x"))
+    found = inspect(Imu({"gyro_x": Signal(x, 100.0, "rad/s", axis="gyro_x")}))
     assert (len(found.knocks), found.has_knocks) == (1, named)
     assert ("change N by less than 0.5 %" in found.summary()) is not named
