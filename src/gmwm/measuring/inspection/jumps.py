@@ -32,9 +32,8 @@ class _JumpLimits(NamedTuple):
 
 
 _CLEAR = _JumpLimits(21.0, 21.0, 1.35, 16.0)
-"""Limits of jumps that are subtracted. White noise, random walks, flicker noise and Gauss-Markov processes exceed the
-gain in fewer than 1 of 200 recordings; the jumps of seven accelerometer axes at rest have ratios of 0.8 to 1.25
-(validation/study_faults.py)."""
+"""Limits of subtracted jumps: white noise, walks, flicker noise and Gauss-Markov processes exceed the gain in < 1 of
+200 recordings; seven accelerometer axes at rest have ratios of 0.8 to 1.25 (validation/study_faults.py)."""
 _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2, 13.0)
 """Limits of jumps that may be part of a random walk, so that K is a bound (tests/test_inspection_faults.py)."""
 _FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
@@ -42,8 +41,7 @@ MOST = 10  # largest number of jumps of an axis. More of them are noise, such as
 
 
 class _Jump(NamedTuple):
-    """A jump between or in the middle of blocks: its place (blocks), its size, the reduction of −2 log L, and whether
-    it may be part of a random walk."""
+    """A jump: place (blocks), size, reduction of −2 log L, and whether it may be part of a random walk."""
 
     place: float
     size: float
@@ -54,16 +52,11 @@ class _Jump(NamedTuple):
 def jumps_of(
     axis: str, means: Sequence[tuple[int, Vector]], extent: Extent, values: Callable[[int, int], Vector]
 ) -> list[Step]:
-    """Find the jumps of an axis, ordered by time.
+    """Find the jumps of an axis, ordered by time, from segments of about 256 block means.
 
-    The means of about 256 blocks are described by noise alone, and by noise and a jump at any place, as `trend_of` does
-    for trends. The likelihood weights all time scales, so no block length has to be chosen. The clearest jump is
-    subtracted, and the search is repeated. A change that a trend or a sinusoid describes better is not a jump.
-    Jumps that fit to the random walk of the axis are part of its noise. Less clear ones that raise K are `possible`.
-
-    `means` has the first sample and the block means of each segment, and `values(first, last)` returns a range of
-    samples, to locate the jump.
-    """
+    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
+    is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
+    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
@@ -141,8 +134,7 @@ def _one_by_one(
     means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0,
     limits: _JumpLimits = _CLEAR,
 ) -> list[_Jump]:  # fmt: skip
-    """Return the jumps at these places, and at further ones, each of which is clear by itself. `clearest` is the best
-    step in the means as they are."""
+    """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
     base_likelihood, y, sizes = Likelihood(means), means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
@@ -179,7 +171,7 @@ def _together(means: Vector, limits: _JumpLimits) -> tuple[list[float], float]:
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
     places, best, y = list[float](), (list[float](), 0.0), means
     while len(places) < MOST - 1:
-        values = Likelihood(y).with_steps(np.array([0]), slice(_FIRST - 1, means.size - _FIRST))[0]
+        values = Likelihood(y).with_steps(np.array([0]), _FIRST, means.size - _FIRST)[0]
         place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
         if any(abs(place - other) < 1 for other in places):
             break
@@ -206,8 +198,7 @@ def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
 
 
 def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
-    """Return the place of a jump within a block, which is known better than the block if the jump is large. A jump
-    within a block is a jump before it and one after it, in proportion."""
+    """Return the place within its block of a large jump: a jump before and one after it, in proportion."""
     at, fits = np.arange(root.size + 1), []
     for block in (math.ceil(place) - 1, math.floor(place)):
         edges = np.clip(at + 1 - np.array([[block], [block + 1]]), 0.0, 1.0)
