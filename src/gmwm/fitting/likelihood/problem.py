@@ -84,7 +84,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     time stamps (1 if the clock was set back); in an array, NaN or a masked value is missing. `rate` is needed for an
     array only. Raises DataError if fewer than 8 samples are observed, a value is
     infinite, or gaps are much longer than the recording; ModelError if all samples are equal; OptionError if the rate
-    is missing or differs from the signal's."""
+    differs from the signal's."""
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(
@@ -100,7 +100,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     else:
         samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(samples, "data", finite=False).copy(), "", "", 0.0
-        step = as_rate(rate)
+        step = 1.0 if rate is None else as_rate(rate)
     observed = np.isfinite(values)
     seen = values if bool(np.all(observed)) else values[observed]
     endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
