@@ -1,5 +1,6 @@
 """Reduced runs of the studies of moving conditions and of gaps."""
 
+import numpy as np
 import pytest
 
 from validation import study_dynamics, study_missing
@@ -9,7 +10,8 @@ pytestmark = pytest.mark.slow
 
 def test_parameters_follow_a_moving_condition(tmp_path):
     result = study_dynamics.run(reduced=True)
-    assert all(min(row["covered"]) > 0 for row in result["rows"])
+    # Of 27 intervals at 95 %, six or more miss by chance in one of 500 runs.
+    assert np.mean([share for row in result["rows"] for share in row["covered"]]) > 0.75
     certain = {row["name"] for row in result["rows"] if row["change"] == [1.0, 1.0]}
     assert certain >= {"WN on ramps", "AR1, irregular", "AR1, quick", "GM, irregular"}
     study_dynamics.draw(result, tmp_path / "dynamics.svg")

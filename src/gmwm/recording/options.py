@@ -121,9 +121,6 @@ class ReadOptions:
         return {name: _plain(value) for name, value in values.items() if value not in (None, "keep", "error", (), {})}
 
 
-# --- checks that several functions share ----------------------------------------------------------------
-
-
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
     """Check that a value is one of the allowed strings."""
     if not isinstance(value, str) or value not in allowed:
@@ -143,15 +140,7 @@ def as_size(value: object) -> float:
 
 
 def as_confidence(value: object, name: str = "confidence") -> float:
-    """Check a confidence level: a number of at least 0.5 and less than 1.
-
-    Below 0.5 an interval more often misses the true value than it contains it (tests/test_options.py).
-
-    Examples
-    --------
-    >>> as_confidence(0.95)
-    0.95
-    """
+    """Check a confidence level in [0.5, 1): below, intervals more often miss the truth (tests/test_options.py)."""
     is_number = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
     is_number = is_number and abs(value) < 1e300  # type: ignore[arg-type]  # an integer may be too large for a float
     number = float(value) if is_number else math.nan  # type: ignore[arg-type]
@@ -169,9 +158,6 @@ def as_whole_number(value: int, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)
-
-
-# --- the fields of ReadOptions --------------------------------------------------------------------------
 
 
 _UNITS = '{"gyro": "deg/s", "accel": "g"}'

@@ -95,8 +95,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
 
 
 def _unread_sensors(others: Mapping[int, str], choice: ColumnChoice, path: Path) -> dict[str, tuple[str, ...]]:
-    """Return the columns that are not read although their names mention a sensor without its three axes. Raise an error
-    if no column of such a sensor is read."""
+    """Return unread columns of sensors without three axes; raise an error if no column of one is read."""
     out: dict[str, tuple[str, ...]] = {}
     for sensor in SI_UNIT:
         axes = [axis for axis in choice.axes if axis_quantity(axis) == sensor]
@@ -199,8 +198,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """Return the column of the time stamp in the header of ROS messages if other columns also contain a time. It is not
-    used if its first time stamp is 0, because some drivers do not set it."""
+    """Return the ROS header stamp if other columns contain a time too, unless it is 0 (drivers that do not set it)."""
     for k in times:
         words = clean(layout.channels[k].name).casefold().replace("/", ".")
         if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):

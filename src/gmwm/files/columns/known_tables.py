@@ -38,8 +38,7 @@ _KAIST = (
     "Acc_x", "Acc_y", "Acc_z", "Mag_x", "Mag_y", "Mag_z",
 )  # fmt: skip
 _NAMELESS = {"ms25.csv": _NCLT, "xsens_imu.csv": _KAIST}
-"""Names of the columns of files of public data sets that have no header, by the name of the file: NCLT ("ms25.csv" in
-the description of its sensor data) and KAIST Urban."""
+"""Column names of public data sets without header, by file name: NCLT (its description) and KAIST Urban."""
 
 
 def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
@@ -49,10 +48,8 @@ def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
-    """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
-    each known column by its index.
-
-    `above` are the lines above the names.
+    """Recognise a table by its names and the lines `above`; return program ("" if unknown), and role and unit by
+    column.
 
     >>> known_table(["TimeUS", "I", "GyrX"], Path("a.csv"), [])[1]
     {0: ('time', 'us'), 2: ('gyro_x', 'rad/s')}

@@ -326,8 +326,7 @@ def simulate_signal(
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
-    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`. Raises
-    OptionError if `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty."""
+    """Return the model of each axis from `models` of `simulate`; OptionError if empty or of another kind."""
     if isinstance(models, str | Process | Model):
         return dict.fromkeys(AXES, as_model(models))
     if not isinstance(models, Mapping) or not models:
