@@ -23,7 +23,7 @@ from gmwm.base.remarks.rendering import examples
 from tests.helpers import each
 from tests.remarks.snapshot import file_of, rendered
 
-ALL = list(messages().values())
+ALL = tuple(messages().values())
 
 
 @pytest.mark.parametrize("dialect", Dialect)
@@ -39,6 +39,11 @@ def test_a_message_is_complete(message):
     assert message.meaning, "the documentation needs to say what it means for the numbers"
     for text in (message.sentence, message.advice):
         assert not isinstance(text, Choice) or len(text.templates) > 1
+
+
+@each("message", ALL)
+def test_what_makes_numbers_wrong_has_a_name_in_plain_words(message):
+    assert message.cause or not (message.raises or message.spoils)
 
 
 def test_messages_with_the_same_advice_have_one_code():

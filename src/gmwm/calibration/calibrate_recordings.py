@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
@@ -82,9 +83,7 @@ def choose_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:  # fmt: skip
-    """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
-    options of the axis say. `check` is called often and may raise to stop. Raises a GmwmError if, for example, the
-    recording is too short."""
+    """Search the model of an axis, compare those within a largest one, or use the user's; `check` may raise to stop."""
     require_scales(wv)
     if options.models:
         return given_model(options.general, wv, options.ranking)
@@ -95,8 +94,7 @@ def choose_model(
 
 
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
-    filters threads would share."""
+    """Fit a model until its weights converge, certified; remarks replace warnings, whose filters threads share."""
     return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
@@ -106,8 +104,7 @@ def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) ->
 
 
 def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
-    """Return K (SI) from the curve without the removal of the conditions; None if unknown. A random walk is added to a
-    model that has none."""
+    """Return K (SI) of the curve with the effect of conditions, from a model with a walk; None if unknown."""
     walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
     model = fit.model if walks else Model((*fit.model.processes, RW()))
     try:
@@ -145,28 +142,34 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
-    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
-    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
-    shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
-    poor = [name for name, share in shares if share > CERTAIN_ERROR]
+    """Return lengths (s) that give parameters with relative errors above 50 % one of 20 %: doubled up to ten times,
+    then infinite; None if a term acts as a simpler process, as theory cannot predict its error."""
+    shares = np.sqrt(np.diag(fit.sandwich.relative)).tolist()
+    poor = [name for name, share in zip(fit.sandwich.names, shares, strict=True) if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
     terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
     model = Model(tuple(process for _, process in terms))
     label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
-    lengths: dict[str, float | None] = dict.fromkeys(poor, math.inf)
-    for doubling in range(1, 11):  # at most 1024 times the length (tests/calibration/test_calibrate.py)
-        samples = fit.wavelet_variance.samples << doubling
-        names, errors = relative_errors(model, samples, fit.wavelet_variance.rate, weighting)
-        for name, error in zip(names, errors.tolist(), strict=True):
-            term, _, parameter = name.partition(".")
-            name_in_fit = f"{label[term]}.{parameter}"
-            if lengths.get(name_in_fit) == math.inf and error <= PLANNED_ERROR:
-                lengths[name_in_fit] = samples / fit.wavelet_variance.rate
-        if math.inf not in lengths.values():
-            break
-    return lengths
+    samples, rate = fit.wavelet_variance.samples, fit.wavelet_variance.rate
+
+    @cache
+    def errors_after(doublings: int) -> dict[str, float]:
+        names, errors = relative_errors(model, samples << doublings, rate, weighting)
+        parts = [name.partition(".") for name in names]
+        return {f"{label[term]}.{name}": error for (term, _, name), error in zip(parts, errors.tolist(), strict=True)}
+
+    def needed(name: str, error: float) -> float:
+        low, high, at = 1, 11, 0  # at most 1024 times the length (tests/calibration/test_calibrate.py)
+        while low < high:
+            # Half as long a recording has a relative error that is larger by a factor near √2.
+            ahead = math.ceil(2 * math.log2(error / PLANNED_ERROR)) if 0 < error < math.inf else high
+            at = min(max(at + ahead, low), high - 1)
+            error = errors_after(at).get(name, math.inf)
+            low, high = (low, at) if error <= PLANNED_ERROR else (at + 1, high)
+        return math.inf if low > 10 else (samples << low) / rate
+
+    return {name: needed(name, share) for name, share in zip(fit.sandwich.names, shares, strict=True) if name in poor}
 
 
 T = TypeVar("T")
@@ -266,8 +269,7 @@ def _recording_remarks(
     inspections: Mapping[str, Sequence[Inspection]], axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]], findings: Mapping[str, Sequence[Sequence[object]]],
 ) -> Iterator[Remark]:  # fmt: skip
-    """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
-    all recordings name theirs."""
+    """Yield remarks from inspections, outlier tests and additions; those not on all recordings name theirs."""
     by_recording: dict[str, list[Remark]] = {}
     for name, of_parts in inspections.items():
         remarks = by_recording[name] = []

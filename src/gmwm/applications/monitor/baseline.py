@@ -182,8 +182,7 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block. Bursts
-    of noise make the shape of larger groups smaller."""
+    """Yield Gamma shapes 1/Var of mean squares of 1, 2, 4, … blocks, per block; bursts make later ones smaller."""
     together = 1
     while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
@@ -192,19 +191,18 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
-    """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
-    the segments."""
+    """Return mean squares of standardised Haar coefficients of m block sums each, in blocks within segments."""
     long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
     if not long:
         return np.zeros(0)
     sizes = np.array([part.size for part in long])
     starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (charts.BLOCKS_OF_LEVEL * m)
-    first = np.repeat(starts - charts.BLOCKS_OF_LEVEL * m * (np.cumsum(counts) - counts), counts)
-    places = first[:, None] + np.arange(counts.sum() * charts.BLOCKS_OF_LEVEL * m).reshape(
-        -1, charts.BLOCKS_OF_LEVEL * m
-    )
+    length = charts.BLOCKS_OF_LEVEL * m
+    first = np.repeat(starts - length * (np.cumsum(counts) - counts), counts) + length * np.arange(np.sum(counts))
+    if not first.size:
+        return np.zeros(0)
     squares = np.square(charts.differences(np.concatenate(long), m)) / 2.0**level
-    return np.asarray(squares[places].mean(axis=1))
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1))
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:
@@ -213,9 +211,8 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
         level = len(scatter)
         z = np.concatenate([np.zeros(0), *sums[level]]) / 2.0 ** (level / 2.0)
         if z.size < 30:  # the standard error of the scatter is then 13 %
-            # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
-            # too.
-            # A chart of block means uses the largest scatter of its level and of the five next coarser levels.
+            # A chart adds up to 2^REACH blocks before an alarm, so it uses the largest scatter of its and five coarser
+            # levels.
             return tuple(max(scatter[k : k + 6]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))
 

@@ -1,20 +1,14 @@
 """Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
 
-Recordings are simulated from the candidate. The candidate is equivalent if, in more than 5 % of these recordings, its
-criterion exceeds the smallest criterion by at least as much as in the data.
+It is if its criterion exceeds the smallest as much as in the data in over 5 % of recordings simulated from it.
 
-A simulated recording consists only of its wavelet variances. They have a chi-square distribution at each level and the
-covariance V that the candidate implies. The covariance of a larger model would give too much weight to levels with
-small measured variances. The fit of the candidate to a simulated recording is computed by first-order theory.
-
-The rivals in each simulated recording are all models with one more term. To bound all models with several more terms,
-the test uses the best sum of any number of processes, with the penalty of two parameters. The test thus takes into
-account that the smallest of many criteria is chosen.
-"""
+Simulated wavelet variances are chi-square at each level, with the candidate's covariance V: a larger model's would
+weigh low levels too much. Its fit is computed by first-order theory. Rivals are all models with one more term, and, to
+bound several more, the best sum of any processes with the penalty of two parameters. So the test accounts for the
+choice of the smallest of many criteria."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -37,12 +31,10 @@ from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
 REJECTED_DIFFERENCE = 100.0
-"""A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
-one by more than this."""
+"""Criterion difference with the common Ω that rejects a candidate without another fit, to save time."""
 
 QUANTILE_DEGREE = 72
-"""Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
-(tests/selection/test_equivalence.py)."""
+"""Degree of polynomials for chi-square quantiles: error ≤ 1e-12 of the mean (tests/selection/test_equivalence.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,8 +70,7 @@ class Hypothesis:
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
-        # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
-        # this.
+        # A bound on the loss below this p-value rejects a candidate without another fit, to save time.
         return bool(scipy.special.gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
@@ -118,12 +109,10 @@ class Hypothesis:
         return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
 
     @cached_property
-    def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of weighted curves of processes to add; the number of those without shape, which are
-        first."""
-        shapes, linear = self.explored.columns
-        columns = shapes @ self.root.T
-        return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
+    def _columns(self) -> Matrix:
+        """Unit vectors (n, J) of weighted curves of processes to add."""
+        columns = self.explored.columns @ self.root.T
+        return np.asarray(columns / np.linalg.norm(columns, axis=1, keepdims=True))
 
     @cached_property
     def losses(self) -> Vector:
@@ -131,52 +120,55 @@ class Hypothesis:
         taken = self.errors @ self.axes
         return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
 
-    @cached_property
-    def single(self) -> Matrix:
-        """Decrease (B, k) of the criterion that one more term causes, for each simulated recording and term."""
-        return self._single[0]
-
     @property
     def least(self) -> float:
         """Smallest penalty for two additional parameters."""
-        return self._single[1]
+        return 2 * float(self._penalties.min(initial=np.inf))
 
     @cached_property
-    def _single(self) -> tuple[Matrix, float]:
-        # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
-        # the candidate. The value is √ε of a double.
+    def _new(self) -> Matrix:
+        """Parts (n, J) of unit vectors of terms to add outside the candidate's directions, without collinear terms."""
+        # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
-        all_columns, linear = self._columns
-        columns = all_columns - (all_columns @ self.axes) @ self.axes.T
-        square = np.sum(columns**2, axis=1)
-        new = square > spare
-        spread = columns @ self.root @ factor_of(self.wavelet)
-        penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, spare)
-        net = self.errors @ np.where(new[:, None], columns, 0.0).T
+        columns = self._columns - (self._columns @ self.axes) @ self.axes.T
+        return columns[np.sum(columns**2, axis=1) > spare]
+
+    @cached_property
+    def _penalties(self) -> Vector:
+        """Penalty (n,) of the criterion for each term that can be added."""
+        spread = self._new @ self.root @ factor_of(self.wavelet)
+        return np.asarray(2 * np.sum(spread**2, axis=1) / np.sum(self._new**2, axis=1))
+
+    def single(self) -> Vector:
+        """Return the largest decrease (B,) of the criterion that one more term causes in each simulated recording."""
+        net = self.errors @ self._new.T
         np.maximum(net, 0, out=net)
         net *= net
-        net /= np.where(new, square, 1.0)
-        net -= np.where(new, penalty, 0.0)
-        # If the candidate contains a process that is a limit of the added one, the added process has one more
-        # parameter.
-        single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
-        return single, 2 * float(penalty[new].min(initial=np.inf))
+        net /= np.sum(self._new**2, axis=1)
+        net -= self._penalties
+        return np.asarray(net.max(axis=1, initial=0.0))
 
-    def several(self, records: Integers) -> Iterator[float]:
-        """Yield upper bounds for the decrease of the criterion by two or more parameters in simulated recordings."""
+    def often_exceeds(self, difference: float, records: Integers, more: float) -> bool:
+        """Return whether a bound on the criterion's fall by two parameters is ≥ `difference` in over `more` draws."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
-        columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
-        centre = self.fit.implied @ self.root.T
-        for record in records:
-            best = _core.nonnegative_least_squares(centre + self.errors[record], columns)[1]
-            yield float(self.losses[record] - best - self.least)
+        columns = np.concatenate([self._columns, [part / np.linalg.norm(part) for part in parts]])
+        data = self.fit.implied @ self.root.T + self.errors[records]
+        limits = self.losses[records] - self.least - difference
+        while 0 <= more < limits.size:
+            weights, best = _core.nonnegative_least_squares(data[0], columns)
+            more -= best <= limits[0]
+            # No curve has a positive product with this residual, so its product with other data bounds their distance.
+            residual = data[0] - weights @ columns
+            open_ones = np.maximum(data @ residual, 0.0) ** 2 <= limits * (residual @ residual)
+            open_ones[0] = False
+            data, limits = data[open_ones], limits[open_ones]
+        return bool(more < 0)
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
     """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
-    # A rejected candidate is fitted and tested once more, with weights from its last fit; see
-    # docs/validation/selection.md.
+    # A rejected candidate is tested again with weights of its last fit; see docs/validation/selection.md.
     for closer in range(2):
         if closer and hypothesis is not None:
             hypothesis = hypothesis.closer()
@@ -188,29 +180,23 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether more than the share `size` of the simulated recordings has as large a difference to the smallest
-    criterion."""
+    """Return whether over `size` of the simulated recordings differ as much from the smallest criterion."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
-    single = np.max(hypothesis.single, axis=1)
+    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
+    # this bound rejects most candidates. One term has half the penalty of two.
+    if np.mean(hypothesis.losses - 0.5 * hypothesis.least >= difference) <= size:
+        return False
+    single, most = hypothesis.single(), hypothesis.losses - hypothesis.least
     if np.mean(single >= difference) > size:
         return True
-    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
-    # this bound rejects most candidates.
-    most = hypothesis.losses - hypothesis.least
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
     open_ones = np.flatnonzero((single < difference) & (most >= difference))
     # The recordings with the largest bounds are first, so that most answers need few of them.
     records = open_ones[np.argsort(-most[open_ones])]
-    more, left = size * single.size - np.count_nonzero(single >= difference), records.size
-    for several in hypothesis.several(records):
-        more -= several >= difference
-        left -= 1
-        if more < 0 or left <= more:
-            break
-    return bool(more < 0)
+    return hypothesis.often_exceeds(difference, records, size * single.size - np.count_nonzero(single >= difference))
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
@@ -222,8 +208,7 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
-    """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
-    degree `QUANTILE_DEGREE`."""
+    """Return χ²_η/η quantiles (B, J) of normal scores, by Chebyshev polynomials of degree `QUANTILE_DEGREE`."""
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
@@ -259,8 +244,7 @@ def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison
 
 
 def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference of the losses of two fits, with Ω and V of the ranking; see
-    `compare`."""
+    """Compute the standard error of the difference of two fits' losses, with Ω and V of the ranking; see `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
     axes = [axes_of(fit, root) for fit in (first, second)]

@@ -1,9 +1,7 @@
 """Parse blocks of a text table, and handle the lines that are not rows.
 
-Polars parses a block at once. It reads a short row as nulls without an error, so a block with nulls is checked line by
-line. A cell that is empty or holds NA is a missing value. A line with the wrong number of cells, or with text in place
-of a number, is a bad line. It raises an error or becomes a row of missing values. A repeated header is left out.
-"""
+Polars reads short rows as nulls, so such blocks are checked by line. Empty cells and NA are missing values. Wrong
+numbers of cells, or text, are bad lines: an error or missing values. Repeated headers are left out."""
 
 from __future__ import annotations
 
