@@ -264,7 +264,7 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
         # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
         if abs(error) > 0.15:
-            yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
+            yield Remark.of("unit-doubtful", "accel", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
 
@@ -298,7 +298,5 @@ def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
     """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) suggests deg/s read as rad/s, 57 times as large."""
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
-    for axis in noisy:
-        yield Remark.of(
-            "unit-doubtful", axis, case="density", density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit
-        )
+    for axis, degrees in noisy.items():
+        yield Remark.of("unit-doubtful", axis, case="density", density=Quantity(degrees, "deg/s/√Hz"), limit=limit)
