@@ -100,8 +100,6 @@ class OSC(Process):
         damping, turn = (natural * part for part in _relative_rates(quality))
         if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
-        if natural.size == 1:
-            return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
         return exponential_sum.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -231,13 +229,6 @@ def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
     """Return the damping a and the angular frequency ω, relative to ω₀."""
     ratio = 0.5 / quality
     return ratio, np.sqrt((1.0 - ratio) * (1.0 + ratio))
-
-
-@lru_cache(maxsize=256)
-def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
-    """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
-    h = np.ldexp(1.0, np.array(levels) - 1)
-    return freeze(exponential_sum.oscillation_shape(np.array([damping]), np.array([turn]), h))
 
 
 @lru_cache(maxsize=256)
