@@ -198,12 +198,13 @@ class PowerLaw {
       for (std::size_t i = 0; i < power_terms; ++i) inner[i] = inner[i] * y + table_[k - 1][i];
     double total = 0;
     for (std::size_t i = power_terms; i >= 1; --i) total = (total + inner[i - 1]) * z;
-    return 4 * std::exp(epsilon_ * std::log(t)) * total;
+    return 4 * power(t) * total;
   }
 
  private:
   static constexpr double near = 4;  // lag, over the step of the difference, from which the series is used
 
+  double power(double t) const { return epsilon_ == 0 ? 1.0 : std::exp(epsilon_ * std::log(t)); }
   double grown(double x) const { return epsilon_ == 0 ? x : std::expm1(epsilon_ * x) / epsilon_; }
   double q(double m) const { return m > 0 ? m * m * grown(std::log(m)) : 0.0; }
 
@@ -212,7 +213,7 @@ class PowerLaw {
     const double y = 1 / (t * t), log = std::log(t);
     double tail = 0;
     for (std::size_t k = power_terms; k >= 1; --k) tail = (tail + falling_[k - 1]) * y;
-    return 2 * grown(log) + std::exp(epsilon_ * log) * (3 + epsilon_ + 2 * tail);
+    return 2 * grown(log) + power(t) * (3 + epsilon_ + 2 * tail);
   }
 
   double epsilon_;
@@ -225,10 +226,11 @@ class PowerLaw {
 void power_differences(const Nodes& nodes, double epsilon, std::span<const double, power_terms> falling,
                        std::span<double> out) {
   const PowerLaw law(epsilon, falling);
+  double fine = 1, factor = 1;
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const double fine = nodes.fine[i], coarse = nodes.coarse[i];
-    const double middle = std::abs((nodes.lag[i] + fine - coarse) / fine);
-    out[i] = std::pow(fine, 2 + epsilon) * law.twice(coarse / fine, middle);
+    if (nodes.fine[i] != fine) fine = nodes.fine[i], factor = std::pow(fine, 2 + epsilon);
+    const double coarse = nodes.coarse[i], middle = std::abs((nodes.lag[i] + fine - coarse) / fine);
+    out[i] = factor * law.twice(coarse / fine, middle);
   }
 }
 

@@ -20,7 +20,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
-from gmwm.theory.processes.validation import as_frequencies, as_lags
+from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
@@ -134,6 +134,15 @@ class OSC(Process):
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
         return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Compute the Allan variance (u²) of clusters of n samples, twice the Haar wavelet variance."""
+        n, (damping, turn) = as_clusters(clusters), self._rates()
+        if turn < 1e-3 * math.tau * self.value("frequency"):
+            return super().allan_variance(n, rate)
+        rates = (np.array([part / as_rate(rate)]) for part in (damping, turn))
+        shape = exponential_sum.oscillation_shape(*rates, n.ravel().astype(np.float64))
+        return np.asarray(2.0 * self.scale * shape[0].reshape(n.shape))
 
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance is negligible; None if it is too large."""
