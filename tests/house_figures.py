@@ -13,7 +13,7 @@ import os
 import re
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -127,6 +127,28 @@ print(*[step for step, before in zip(steps, [None, *steps]) if step != before])
     return _output(program, package).split()
 
 
+def kinds_of_lines(text: str, tree: ast.Module) -> Counter[str]:
+    """Lines of one file by what they hold: code, docstrings, signatures, imports, comments, nothing."""
+    kinds = ["comment" if line.lstrip().startswith("#") else "code" if line.strip() else "blank"
+             for line in text.splitlines()]  # fmt: skip
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            _mark(kinds, node.lineno, node.end_lineno, "import")
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            _mark(kinds, node.lineno, node.body[0].lineno - 1, "signature")
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
+                _mark(kinds, child.lineno, child.end_lineno, "docstring")
+    return Counter(kinds)
+
+
+def _mark(kinds: list[str], first: int, last: int | None, kind: str) -> None:
+    """Give lines that hold code a more exact kind; a docstring has its blank lines too."""
+    for number in range(first - 1, last or first):
+        if kind == "docstring" or kinds[number] == "code":
+            kinds[number] = kind
+
+
 def _output(program: str, package: Path) -> str:
     environment = {**os.environ, "PYTHONPATH": str(package.parent)}
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment)
@@ -135,11 +157,13 @@ def _output(program: str, package: Path) -> str:
 
 def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
     """Each figure with the places behind it."""
-    lines, texts = 0, {}
-    for file in files(package):
-        texts[file] = file.read_text(encoding="utf-8")
-        lines += len(texts[file].splitlines())
+    texts = {file: file.read_text(encoding="utf-8") for file in files(package)}
     trees = {file: ast.parse(text) for file, text in texts.items()}
+    kinds: Counter[str] = Counter()
+    folders: Counter[str] = Counter()
+    for file, text in texts.items():
+        kinds += kinds_of_lines(text, trees[file])
+        folders["/".join(file.relative_to(package).parts[:-1][:2]) or "."] += len(text.splitlines())
     names, banned = 0, []
     named, participles = 0, []
     classes: dict[str, list[str]] = defaultdict(list)
@@ -171,7 +195,7 @@ def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
         (contract, *_) = tomllib.load(file_)["tool"]["importlinter"]["contracts"]
     upward = [entry for entry in contract["ignore_imports"] if entry != "gmwm.** -> gmwm"]
     return {
-        "lines": (lines, []),
+        "lines": (kinds.total(), [f"{count:>6} {name}" for name, count in (kinds + folders).most_common()]),
         "files": (len(trees), []),
         "entries": (len(entries), entries),
         "locals": (round(100 * len(banned) / names, 2), banned),

@@ -83,7 +83,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     """Coverage of each parameter and rejections of both tests, for each kind of recording."""
     rows = []
     for place, (name, (model, varies, truth, simulate)) in enumerate(CASES.items()):
-        runs = 3 if reduced else RUNS[name]
+        runs = 1 if reduced else RUNS[name]
         covered, rejected, change = np.zeros((runs, len(truth)), dtype=bool), [], []
         for k in range(runs):
             x, c = simulate(np.random.default_rng([SEED, place, k]))

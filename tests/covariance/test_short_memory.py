@@ -15,6 +15,7 @@ from gmwm.theory.processes.matern import LONGEST_LAGS
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Parameter, Value
 from tests.covariance.test_sums import double_sum
+from tests.helpers import each
 
 _spec = importlib.util.spec_from_file_location(
     "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
@@ -54,8 +55,8 @@ def design(samples, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("beside", BESIDE)
-@pytest.mark.parametrize("name", PROCESSES)
+@each("beside", BESIDE)
+@each("name", PROCESSES)
 def test_against_the_double_sum(name, beside):
     samples, process, (others, theory, slope) = 1500, PROCESSES[name], BESIDE[beside]
     model = as_model(process if others is None else process + others)

@@ -7,7 +7,7 @@ import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
 from gmwm.recording.repairs.patterns import modulus_of, two_levels_of
-from gmwm.recording.repairs.repeats import repeats_of
+from gmwm.recording.repairs.repeats import repeats, repeats_of
 from tests.helpers import codes, only
 
 RATE = 100.0
@@ -61,11 +61,12 @@ def test_values_that_are_held_are_used_once(k, step):
 @pytest.mark.parametrize("ratio", [1.25, 1.5, 2.5])
 def test_a_short_log_with_a_regular_pattern_is_held(ratio):
     x = _noise(2, 450)
-    assert repeats_of([x[(np.arange(450) / ratio).astype(int)]], np.array([0])).every == pytest.approx(ratio, rel=0.02)
+    held = x[(np.arange(450) / ratio).astype(int)]
+    assert repeats_of([held], repeats([held], np.array([0]))).every == pytest.approx(ratio, rel=0.02)
     lost = np.flatnonzero(np.random.default_rng(5).random(450) > 1 / ratio)
     x[lost[lost > 0]] = np.nan
     filled = x[np.maximum.accumulate(np.where(np.isnan(x), 0, np.arange(450)))]
-    assert repeats_of([filled], np.array([0])).kind == "lost"
+    assert repeats_of([filled], repeats([filled], np.array([0]))).kind == "lost"
 
 
 def test_a_log_at_another_rate_gives_the_samples_of_the_sensor():
@@ -162,7 +163,8 @@ def test_a_filtered_coarse_output_does_not_repeat():
     for seed in range(10):
         x = _low_pass(_noise(seed), 0.02)
         step = 4 * np.std(np.diff(x))
-        assert repeats_of([np.round(x / step) * step], np.array([0])) is None
+        coarse = np.round(x / step) * step
+        assert repeats_of([coarse], repeats([coarse], np.array([0]))) is None
 
 
 def test_chunks_give_the_same_samples(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Callable, Mapping
@@ -15,7 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.atomic_files import read_json
-from gmwm.base.documents import DIALECT, Schemas, plain, plain_fields
+from gmwm.base.documents import DIALECT, Schemas, indented_json, plain, plain_fields
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document, field_types, require_kinds
 from gmwm.base.remarks import Remark
@@ -60,8 +59,7 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Restore a ranking from the result of `ranking_document` and the wavelet variance of its fits, or raise a
-    ReadError."""
+    """Restore a ranking from `ranking_document` and its wavelet variance; ReadError if impossible."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])
@@ -290,7 +288,7 @@ def _read(what: str, read: Callable[[], T]) -> T:
 
 def as_text(content: Mapping[str, Any]) -> str:
     """Return the document as JSON text."""
-    return json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+    return indented_json(content) + "\n"
 
 
 def read_text(path: str | os.PathLike[str]) -> Any:
@@ -313,7 +311,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        finite = set(map(type, value)) == {float} and all(map(math.isfinite, value))
+        return list(value) if finite else [_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return next(word for word, number in _NUMBERS.items() if number == value or word == "NaN")
     return value

@@ -538,7 +538,7 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         from gmwm.applications.navigation.api import budget
 
         errors = budget(self, duration, rest=rest, latitude=latitude, level=level)
-        causes = tuple(dict.fromkeys(remark.code for remark in self.remarks if remark.severity <= Severity.WRONG))
+        causes = tuple(dict.fromkeys(r.message.cause for r in self.remarks if r.severity <= Severity.WRONG))
         return (
             replace(errors, remarks=(Remark.of("budget-of-wrong", causes=causes), *errors.remarks))
             if causes

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
+from gmwm.base.template import join_names
 from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
-from gmwm.base.units import by_sensor
+from gmwm.base.units import by_sensor, sensor_of
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
@@ -26,11 +27,6 @@ if TYPE_CHECKING:
     from gmwm.choosing.datasheets import Datasheet, Entry
     from gmwm.theory.processes import Model
 
-LEGEND = (
-    "N, K: white noise and random walk for a filter. B: bias instability. ±, +a/−b, a … b: 95 % interval. "
-    "✓ use, ≤ use as an upper limit, ✗ do not use."
-)
-
 
 def axis_lines(calibration: Calibration) -> list[str]:
     """Return a table for each sensor with one line for each axis, of at most 80 columns."""
@@ -44,8 +40,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
 
 
 def model_words(model: Model) -> str:
-    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the numbers of
-    oscillations and lines.
+    """Describe a model by its processes, "filter" for ARMA, and numbers of oscillations and lines.
 
     >>> from gmwm import Model
     >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
@@ -91,14 +86,7 @@ def _axes_table(
 
 
 def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
-    """Describe models in the words of `model_words`, or in their notation if the width is too small. Models for which
-    it is still too small are described by their first terms.
-
-    >>> from gmwm import Model
-    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
-    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
-    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
-    """
+    """Describe models by `model_words`, in a small width by their notation, or else by their first terms."""
     words = [model_words(model) for model in models]
     short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
     for forms in (words, short):
@@ -159,7 +147,7 @@ def summary(
     equality, shell = equality_remarks(calibration), dialect is Dialect.SHELL
     parts = [wrap_text(calibration.verdict.text(dialect)), _head(calibration)]
     parts += [wrap_text(text) for text in texts(equality, dialect, codes=True)]
-    parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(LEGEND)]
+    parts += _details(calibration) if details else [axis_lines(calibration), wrap_text(short_legend(calibration))]
     remarks_shown = [remark for remark in calibration.remarks if remark not in equality]
     notes = [] if every or details else [remark for remark in remarks_shown if remark.severity is Severity.INFO]
     remarks_shown = [remark for remark in remarks_shown if remark not in notes]
@@ -188,14 +176,14 @@ def _details(calibration: Calibration) -> list[list[str]]:
     return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
-# --- the head and the tables ------------------------------------------------------------------------
-
-
 def _head(calibration: Calibration) -> list[str]:
-    shapes = list(_alike(calibration.axes))
-    samples = _range([str(n) for n, _ in sorted(shapes)])
-    rate = _range([f"{rate:g}" for rate in sorted(rate for _, rate in shapes)])
-    duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, rate in shapes)])
+    # On some axes, knocks are replaced too. The axis with the fewest filled samples shows how many were recorded.
+    curves = sorted((r.fit.wavelet_variance for r in calibration.axes.values()), key=lambda wv: -wv.filled)
+    shapes = {(wv.samples, wv.rate): (wv.samples - wv.filled, wv.filled, wv.rate) for wv in curves}.values()
+    samples = _range([str(n) for n, _, _ in sorted(shapes)])
+    most = max(filled for _, filled, _ in shapes)
+    rate = _range([f"{rate:g}" for rate in sorted(rate for _, _, rate in shapes)])
+    duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, _, rate in shapes)])
     count = len(calibration.recordings)
     several = f"{count} recordings: " if count else ""
     lines = [f"Calibration{' of ' + several + calibration.source if calibration.source else ''}"]
@@ -206,17 +194,9 @@ def _head(calibration: Calibration) -> list[str]:
     omitted = {r.facts["first"] for r in calibration.recording_remarks if r.facts.get("case") == "omitted"}
     spans = [duration_text(first.value) for first in omitted if isinstance(first, Quantity)]
     cut = f", without the first {_range(sorted(spans))} (warm-up)" if spans else ""
-    lines.append(f"{samples} samples at {rate} Hz, {duration}{cut}; {searched}")
+    filled = f" and {most} filled ones" if most else ""
+    lines.append(f"{samples} samples{filled} at {rate} Hz, {duration}{cut}; {searched}")
     return [line for text in lines for line in wrap_text(text)]
-
-
-def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
-    """Group the axes by number of samples and sampling rate (Hz). Both are equal for all axes of a recording."""
-    shapes: dict[tuple[int, float], list[str]] = {}
-    for axis, item in axes.items():
-        wv = item.fit.wavelet_variance
-        shapes.setdefault((wv.samples, wv.rate), []).append(axis)
-    return shapes
 
 
 def _range(ascending: Sequence[str]) -> str:
@@ -226,8 +206,7 @@ def _range(ascending: Sequence[str]) -> str:
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Return tables with a column for each axis and a row for each number. Up to three axes that fit the width are side
-    by side."""
+    """Return tables with a row for each number and a column for each axis, up to three if they fit."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -247,8 +226,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return the rows of the table of some axes: model, goodness of fit, outliers, then one number each in datasheet
-    units."""
+    """Return rows for axes: model, goodness of fit, outliers, then each number in datasheet units."""
     calibrations = list(axes.values())
     rows = [
         ["", *axes],
@@ -359,6 +337,21 @@ def _outliers(calibration: AxisCalibration) -> str:
     if not calibration.verdict.contaminated:
         return "replaced" if calibration.verdict.replaced.knocks or calibration.verdict.replaced.spikes else "none"
     return "yes: left out" if calibration.fit.wavelet_variance.robust else "yes: kept"
+
+
+def short_legend(calibration: Calibration) -> str:
+    """Return the explanation of the tables of N, K and B, with the time up to which N and K hold."""
+    times: dict[str, list[float]] = {}
+    for remark in calibration.remarks:
+        time = remark.facts.get("time")
+        if remark.code == "walk-or-markov" and remark.facts["case"] == "claim" and isinstance(time, Quantity):
+            times.setdefault(sensor_of(remark.subject), []).append(time.value)
+    ends = [f"{duration_text(min(each))} ({SENSORS.get(name, name).lower()})" for name, each in times.items()]
+    predictions = f", for predictions up to {join_names(ends)}".replace(" ()", "") if ends else ""
+    return (
+        f"N, K: white noise and random walk for a filter{predictions}. B: bias instability. ±, +a/−b, a … b: "
+        f"{100 * calibration.settings.confidence:g} % interval. ✓ use, ≤ use as an upper limit, ✗ do not use."
+    )
 
 
 def legend(calibration: Calibration) -> str:

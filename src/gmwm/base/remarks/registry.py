@@ -77,30 +77,12 @@ CASE = "case"  # fact that tells apart the situations of a code
 
 @dataclass(frozen=True)
 class Message:
-    """The entry of a code in the registry.
+    """The entry of a code in the registry; `cause` is the situation as a noun phrase, if it can make numbers wrong.
 
-    Attributes
-    ----------
-    code : str
-        Identifier of the remark.
-    section : str
-        One of the keys of `SECTIONS`.
-    severity : str or Choice
-        Severity of the remark.
-    sentence, advice : str or Choice
-        Templates of the sentence that states what happened, and of the advice on what to do. `{subjects}` is replaced
-        by the subjects of the remark. If the sentence does not contain it, the subjects are written before the
-        sentence.
-    detail : str or Choice
-        Template of the text in parentheses after the name of each subject.
-    meaning : str
-        What the remark means for the results, in Markdown, for the documentation.
-    examples : tuple of mappings of name to fact
-        Facts and subject of an example of each case of the message, for the documentation.
-    raises, spoils : tuple of str
-        Symbols of the numbers that are too large, so that they are upper limits, and of those that are wrong. "all"
-        stands for every number, and "facts" for the numbers in the fact `numbers`, or every number without it.
-    """
+    `sentence` and `advice` are templates; `{subjects}` are otherwise written before the sentence, each with `detail` in
+    parentheses. `meaning` (Markdown) and `examples` (facts of each case) are for the documentation. `raises` and
+    `spoils` are symbols of numbers that are upper limits or wrong: "all", or "facts" for those in the fact
+    `numbers`."""
 
     code: str
     section: str
@@ -109,6 +91,7 @@ class Message:
     advice: Text = ""
     detail: Text = ""
     meaning: str = ""
+    cause: str = ""
     examples: tuple[Mapping[str, Fact], ...] = ({},)
     raises: tuple[str, ...] = ()
     spoils: tuple[str, ...] = ()
@@ -202,7 +185,7 @@ def _message(code: str, entry: Mapping[str, Any]) -> Message:
     return Message(
         code=code, section=entry["section"], severity=_text(entry["severity"]),
         sentence=_text(entry["sentence"]), advice=_text(entry.get("advice", "")), detail=_text(entry.get("detail", "")),
-        meaning=entry.get("meaning", "").strip(),
+        meaning=entry.get("meaning", "").strip(), cause=entry.get("cause", ""),
         examples=tuple(
             {name: as_fact(value) for name, value in example.items()}
             for example in entry.get("examples", [entry.get("example", {})])

@@ -1,10 +1,9 @@
 """Recognise text tables of known programs and devices whose column names do not state the axis, the unit or the clock.
 
-Sources: descriptions of NCLT and KAIST Urban; PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot,
-libraries/AP_InertialSensor/LogStructure.h; blackbox-tools of Betaflight; Movella DOT user manual, "Data export";
-MicroStrain MIP protocol, field sets 0x8004 and 0x8005; INSTINCT, VectorNavDataLogger; SensorLog for iOS; Physics
-Toolbox Sensor Suite; OpenLog Artemis (SparkFun); Gyroflow, "gcsv reference".
-"""
+Sources: NCLT and KAIST Urban; PX4 guide, "ULog" and ulog2csv of pyulog; ArduPilot, LogStructure.h of
+libraries/AP_InertialSensor; blackbox-tools of Betaflight; Movella DOT user manual, "Data export"; MicroStrain MIP
+protocol, field sets 0x8004 and 0x8005; INSTINCT, VectorNavDataLogger; SensorLog for iOS; Physics Toolbox Sensor Suite;
+OpenLog Artemis (SparkFun); Gyroflow, "gcsv reference"."""
 
 from __future__ import annotations
 
@@ -25,9 +24,8 @@ class KnownTable:
 
     program: str  # name in messages
     needed: tuple[str, ...]  # patterns, each of which must match the name of a column
-    # For each pattern of column names, the role ("time", "temperature", "gyro" or "accel") and the unit of the column.
-    # A group in the pattern matches the axis: x, y, z or 0, 1, 2. If several patterns match, the first one is used. If
-    # the unit is "", the user or the name of the column must state it
+    # Role ("time", "temperature", "gyro", "accel") and unit by the first matching pattern of names, whose group is the
+    # axis (x, y, z or 0, 1, 2). If the unit is "", the user or the column's name must state it
     columns: tuple[tuple[str, str, str], ...]
     file: str = ""  # pattern of the name of the file; "" for any name
     above: str = ""  # pattern of text above the header; "" for any text
@@ -162,8 +160,7 @@ _KAIST = (
     "Acc_x", "Acc_y", "Acc_z", "Mag_x", "Mag_y", "Mag_z",
 )  # fmt: skip
 _NAMELESS = {"ms25.csv": _NCLT, "xsens_imu.csv": _KAIST}
-"""Names of the columns of files of public data sets that have no header, by the name of the file: NCLT ("ms25.csv" in
-the description of its sensor data) and KAIST Urban."""
+"""Column names of public data sets without header, by file name: NCLT (its description) and KAIST Urban."""
 
 
 def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
@@ -173,10 +170,8 @@ def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:
-    """Recognise a table by its column names. Return the name of the program ("" if unknown), and the role and unit of
-    each known column by its index.
-
-    `above` are the lines above the names.
+    """Recognise a table by its names and the lines `above`; return program ("" if unknown), and role and unit by
+    column.
 
     >>> known_table(["TimeUS", "I", "GyrX"], Path("a.csv"), [])[1]
     {0: ('time', 'us'), 2: ('gyro_x', 'rad/s')}

@@ -1,11 +1,8 @@
 """Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
-The coefficients are second differences of a running sum. Their covariances are closed forms that are smooth functions
-of the lag between a few kinks. For a classical estimate and a sum of exponentials, white noise, random walks and
-tables, the sums over lags are closed forms too; see `gmwm.theory.processes.exponential_sum`. Power-law noise and robust
-estimates use a Gauss rule for sums over integers between two kinks. Every lag within the memory of a process from a
-kink is then summed individually.
-"""
+The coefficients are second differences of a running sum, whose covariances are closed forms, smooth in the lag between
+a few kinks. For a classical estimate and sums of exponentials, white noise, random walks and tables, sums over lags are
+closed forms too. Otherwise a Gauss rule for sums over integers is used between kinks, and every lag near them."""
 
 from __future__ import annotations
 
@@ -27,8 +24,7 @@ from gmwm.theory.processes.model import Model
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Return whether this module can compute the covariance: maximal-overlap Haar transform, and only processes with a
-    closed form or a short memory."""
+    """Return whether this module has the covariance: overlapping Haar, processes of closed form or short memory."""
     present = [process for process in model.processes if process.scale > 0]
     if not design.running_sum:
         return False
@@ -50,10 +46,7 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute Var log(ν̂_j²/ν̃_j²) (J,), which is Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
-
-    ν̂_j² is the classical and ν̃_j² the robust estimate; see `gmwm.covariance.api.ratio_variances`.
-    """
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,) = Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²; see `api.ratio_variances`."""
     assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
     at, weight, starts = nodes.lags(present, design, diagonal=True)
@@ -68,8 +61,7 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Indices of the finer and the coarser level of each pair, in the order of the kernel, with the half-scales h and
-    the numbers M of coefficients of all levels."""
+    """Indices of the finer and the coarser level of each pair, with half-scales h and numbers M of coefficients."""
 
     finer: NDArray[np.int64]
     coarser: NDArray[np.int64]
@@ -101,9 +93,8 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels. In steps
-    of s = `stride` samples, these are sums over all lags of a recording of N/s samples. Together with a level without
-    strides, all lags occur equally often, so the covariance is that without strides."""
+    """Compute V_jk for k ≥ j if level j uses every s-th coefficient (s = `stride`): sums over lags in steps of s, as of
+    N/s samples. With a level without strides, all lags are equally frequent, so strides have no effect."""
     levels = design.levels[place:]
     within = replace(
         design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
@@ -132,8 +123,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """The processes of a model: those that together are the sum of exponentials `terms`, and the others (`smooth`),
-    which are approximately such a sum."""
+    """Processes of a model: the sum of exponentials `terms`, and the others (`smooth`), approximately such a sum."""
 
     terms: ExponentialSum
     smooth: list[Process]
@@ -194,8 +184,7 @@ def _over_lags(
     model: Model, design: Design, pairs: _Pairs, at: LagGrid, weight: Vector, starts: NDArray[np.int64],
     stride: int = 1,
 ) -> Vector:  # fmt: skip
-    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`, with weights and
-    the first node of each pair (`starts`). The coefficients are `stride` samples apart."""
+    """Compute V_jk from covariances at the nodes `at`, from `starts` on for each pair, `stride` samples apart."""
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None:
         first, second = nodes.product_sums(present, at, weight, starts, rate=design.rate)
@@ -214,16 +203,14 @@ def _slope(model: Model) -> float:
 
 
 def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
-    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags with n
-    pairs."""
+    """Compute V_jk for pairs of levels from `first` = Σ n Cov and `second` = Σ n Cov² over lags with n pairs."""
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
     if slope := _slope(model):
         total += slope**2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
-        # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
-        # effects nearly cancel in the relative variance.
+        # Not for robust estimates: a smaller variance and a larger mean nearly cancel in the relative variance.
         total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
 
@@ -232,8 +219,7 @@ def _robust_sum(
     present: list[Process], pairs: _Pairs, design: Design, covariance: Vector, weight: Vector,
     starts: NDArray[np.int64],
 ) -> Vector:  # fmt: skip
-    """Compute ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, which replaces Σ n Cov² for a robust estimate, with variances σ² of
-    coefficients."""
+    """Compute ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, which replaces Σ n Cov² for robust estimates; σ² of coefficients."""
     assert design.efficiency is not None
     half = pairs.half
     own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
@@ -246,8 +232,7 @@ def _robust_sum(
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄ for each pair of levels: weights c = (1, −2, 1) at the
-    offsets 0, h and 2h, and n pairs of coefficients with an error in common."""
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄, with c = (1, −2, 1) at 0, h and 2h, for each pair."""
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

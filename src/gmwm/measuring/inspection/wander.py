@@ -1,35 +1,32 @@
-"""Likelihood of block means that are the sum of white noise, a random walk, a Gauss-Markov process and a course.
+"""Likelihood of block means: white noise, random walk, Gauss-Markov process and a course.
 
-The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of the differences d of n block means has the variances λ_k =
-σ² (2 − 2 cos θ_k) + γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, of white noise, steps of a walk and Gauss-Markov noise. It is
-exact but for the last (validation/study_trends.py). A grid over γ²/σ² and g/σ² gives the global maximum.
-"""
+The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means has the variances λ_k = σ² (2 − 2 cos θ_k)
++ γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, exactly but for g (validation/study_trends.py). A grid finds the maximum."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm.base.arrays import Integers, Matrix, Vector
 
 _LEAST = float(np.finfo(float).tiny)
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
-"""Ratios γ²/σ² of the grid. The smallest positive one is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest
-one hides the white noise."""
+"""Grid of γ²/σ²: the smallest is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest hides white noise."""
 _TIMES = (1.5, 5.0, 16.0)
-"""Correlation times of the Gauss-Markov process, in blocks. Above a tenth of the recording, it is close to a random
-walk."""
+"""Correlation times of the Gauss-Markov process (blocks); above a tenth of the recording it is close to a walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid:
-    """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
-    transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
-    γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
+    """Noise models on a grid, relative to white noise. `transform` is the sine transform of differences, `weights` are
+    1/λ_k, `logs` Σ log λ_k, `walks` γ²/σ², `rest` λ_k without the walk, and `walk` λ_k of γ² = 1."""
 
     transform: Matrix
     weights: Matrix
@@ -52,8 +49,7 @@ def grid_of(blocks: int) -> NoiseGrid:
             continue
         markov = _markov(transform, time)
         for plateau in _PLATEAUS:
-            # Together with a Gauss-Markov process, every second ratio is enough. The ratio of neighbours is then still
-            # below 2.2.
+            # With a Gauss-Markov process, every second ratio is enough: neighbours are still within 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
     ratios, variances_without = np.concatenate(walks), np.vstack(rests)
@@ -65,18 +61,38 @@ def grid_of(blocks: int) -> NoiseGrid:
     )  # fmt: skip
 
 
-def _steps(grid: NoiseGrid, places: slice) -> Matrix:
-    """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of each block."""
-    columns = grid.transform[:, places]
+@lru_cache(maxsize=8)
+def _steps(blocks: int, first: int, last: int) -> Matrix:
+    """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of the blocks `first` to `last`."""
+    columns = grid_of(blocks).transform[:, first - 1 : last]
     return np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
 
 
 @lru_cache(maxsize=2)
-def _steps_of(blocks: int, first: int) -> tuple[Matrix, Matrix]:
-    """Return the jumps except for the `first` and the last blocks, and Σ c²/λ (G, C) of each, which all axes share."""
-    grid = grid_of(blocks)
-    shapes = _steps(grid, slice(first - 1, blocks - first))
-    return shapes, grid.weights @ shapes**2
+def _squares(blocks: int, first: int) -> Matrix:
+    """Return Σ c²/λ (G, C) of the jumps except for the `first` and the last blocks, which all axes share."""
+    return grid_of(blocks).weights @ _steps(blocks, first, blocks - first) ** 2
+
+
+class CoursePairs(NamedTuple):
+    """Pairs of transformed courses c and s (P, n − 1), and Σ c²/λ, Σ c s/λ and Σ s²/λ (G, P) of each."""
+
+    first: Matrix
+    second: Matrix
+    squares: tuple[Matrix, Matrix, Matrix]
+
+    @classmethod
+    def of(cls, weights: Matrix, first: Matrix, second: Matrix) -> CoursePairs:
+        """Return pairs for noise models with these weights."""
+        return cls(first, second, (weights @ (first**2).T, weights @ (first * second).T, weights @ (second**2).T))
+
+
+@lru_cache(maxsize=2)
+def waves_of(blocks: int, periods: tuple[float, ...]) -> CoursePairs:
+    """Return the cosine and sine with each number of periods in the recording, which all axes share."""
+    grid, phase = grid_of(blocks), 2 * np.pi * np.outer(periods, np.arange(blocks) + 0.5) / blocks
+    cosines, sines = (np.diff(courses, axis=1) @ grid.transform for courses in (np.cos(phase), np.sin(phase)))
+    return CoursePairs.of(grid.weights, cosines, sines)
 
 
 def _markov(transform: Matrix, time: float) -> Vector:
@@ -88,6 +104,14 @@ def _markov(transform: Matrix, time: float) -> Vector:
     i = np.arange(len(transform))
     covariance = of_differences[np.abs(i[:, None] - i)]
     return np.asarray(np.sum((transform @ covariance) * transform, axis=1))
+
+
+def _gram(weights: Matrix, courses: Matrix) -> NDArray[np.float64]:
+    """Return Σ a b/λ (G, p, p) of all pairs of transformed courses."""
+    rows, columns = np.triu_indices(len(courses))
+    gram = np.empty((len(weights), len(courses), len(courses)))
+    gram[:, rows, columns] = gram[:, columns, rows] = weights @ (courses[rows] * courses[columns]).T
+    return gram
 
 
 def _crossing(walks: Vector, excess: Vector) -> float:
@@ -104,8 +128,7 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CourseProfile:
-    """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
-    each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
+    """−2 log L, up to a constant, of G noise models and C courses with the best coefficient; `squares` estimate σ²."""
 
     values: Matrix
     squares: Matrix
@@ -133,56 +156,54 @@ class Likelihood:
         squares = self.grid.weights @ (courses**2).T
         return self._profile(self._flat[:, None] - cross**2 / squares)
 
-    def with_two(self, first: Vector, second: Vector) -> CourseProfile:
-        """Return the profile likelihood with two transformed courses together."""
-        weights, z = self.grid.weights, self.z
-        a, b, c = weights @ first**2, weights @ (first * second), weights @ second**2
-        u, v = weights @ (first * z), weights @ (second * z)
-        taken = (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2)
-        return self._profile((self._flat - taken)[:, None])
+    def with_pairs(self, pairs: CoursePairs) -> CourseProfile:
+        """Return the profile likelihood with the two courses of a pair together; the result has a column for each."""
+        u, v = (self.grid.weights @ (courses * self.z).T for courses in (pairs.first, pairs.second))
+        a, b, c = pairs.squares
+        return self._profile(self._flat[:, None] - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
 
     def with_all(self, courses: Matrix) -> float:
         """Return the smallest −2 log L with all transformed courses (p, n − 1) together."""
         weights = self.grid.weights
-        gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
         cross = weights @ (courses * self.z).T
-        taken = np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
+        taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
     def with_step(self, models: Integers, first: int) -> float:
-        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
-        models."""
-        return float(np.min(self.with_steps(models, slice(first, None))))
+        """Return the smallest −2 log L of noise models with a jump between or within blocks from `first` on."""
+        return float(np.min(self.with_steps(models, first + 1, self.z.size)))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:
-        """Return the reduction of −2 log L by the best jump between or in the middle of blocks, except for the `first`
-        and the last ones; its place (blocks), and the weights of the noise model."""
+        """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid
-        shapes, squares = _steps_of(n + 1, first)
-        remainders = np.maximum(self._flat[:, None] - ((grid.weights * self.z) @ shapes) ** 2 / squares, _LEAST)
-        best = np.argmin(remainders, axis=1)
-        values = self._minus2(remainders[np.arange(best.size), best], grid.logs)
+        between = n - 2 * (first - 1)
+        taken = np.empty((len(grid.weights), 2 * between - 1))
+        taken[:, :between] = (grid.weights * self.z) @ grid.transform[:, first - 1 : n + 1 - first]
+        np.add(taken[:, 1:between], taken[:, : between - 1], out=taken[:, between:])
+        taken[:, between:] /= 2
+        taken *= taken
+        taken /= _squares(n + 1, first)
+        best = np.argmax(taken, axis=1)
+        values = self._minus2(self._flat - taken[np.arange(best.size), best], grid.logs)
         model = int(np.argmin(values))
-        shape, between = int(best[model]), n - 2 * (first - 1)
+        shape = int(best[model])
         place = first + shape if shape < between else first + shape - between + 0.5
         return float(np.min(self.without().values) - values[model]), float(place), grid.weights[model]
 
-    def with_steps(self, models: Integers, places: slice) -> Matrix:
-        """Return −2 log L of some models with a jump before or in the middle of each block."""
-        shapes, weights = _steps(self.grid, places), self.grid.weights[models]
+    def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
+        """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""
+        shapes, weights = _steps(self.z.size + 1, first, last), self.grid.weights[models]
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
         return self._minus2(self._flat[models][:, None] - taken, self.grid.logs[models][:, None])
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """Return the variance γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML,
-        which excludes the low frequencies that the courses explain. The derivative of an exponential with respect to
-        its time constant is a course too. With `alone`, no Gauss-Markov process can replace the walk."""
+        """Return γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML, which
+        excludes frequencies that courses explain. With `alone`, no Gauss-Markov process can replace the walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        # Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The
-        # 90 % quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of
-        # recordings, because a Gauss-Markov process can replace a random walk (docs/validation/trends.md).
+        # 95 % quantile of χ²₁. The usual 90 % for one-sided limits gives limits too low in 10 to 20 % of recordings,
+        # because a Gauss-Markov process can replace a walk (docs/validation/trends.md).
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - 3.841)
         if not grid.walks[best]:
             return 0.0, limit
@@ -198,7 +219,7 @@ class Likelihood:
         """Return −2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
         squares, free = weights @ self.z**2, self.z.size - len(courses)
         if len(courses):
-            gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
+            gram = _gram(weights, courses)
             cross = weights @ (courses * self.z).T
             squares = squares - np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
             logs = logs + np.linalg.slogdet(gram)[1]

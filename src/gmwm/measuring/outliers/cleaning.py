@@ -1,6 +1,4 @@
-"""Screen the samples of an axis in one pass for bursts, isolated wrong samples and heavy tails, and replace wrong
-samples.
-"""
+"""Screen samples in one pass for bursts, wrong samples and heavy tails, and replace wrong samples."""
 
 from __future__ import annotations
 
@@ -48,8 +46,7 @@ NOTHING_REPLACED = Replaced()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """Results of the screening of one axis: bursts, wrong samples in the data (as in `Replaced`), and sums for heavy
-    tails."""
+    """Screening of one axis: bursts, wrong samples in the data (as in `Replaced`), and sums for heavy tails."""
 
     bursts: Bursts
     spikes: int
@@ -98,9 +95,8 @@ _BESIDE = 32  # smallest number of samples on each side of a knock from which it
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
-    """A signal without its isolated wrong samples and knocks, which are drawn from their distribution given the others.
-    `knocks` (k, 2) are the half-open index ranges that were replaced because of knocks, and `replaced` counts the
-    samples."""
+    """A signal whose wrong samples and knocks are drawn from their distribution given the others; `knocks` (k, 2) are
+    index ranges, and `replaced` counts samples."""
 
     signal: Signal
     knocks: Ranges
@@ -108,17 +104,8 @@ class Cleaned:
 
 
 def cleaned(x: Signal) -> Cleaned:
-    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
-
-    Knocks that last longer than 30 s are kept. If the other knocks make up more than 10 % of the samples, they are kept
-    too. Disturbances of this length are a state of the sensor.
-
-    >>> x = np.random.default_rng(1).normal(size=20_000)
-    >>> x[5_000:5_100] *= 30.0
-    >>> clean = cleaned(Signal(x, rate=100.0))
-    >>> len(clean.knocks), f"{x.std():.1f}, {clean.signal.values.std():.1f}"
-    (1, '2.4, 1.0')
-    """
+    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds. Knocks over 30 s, or
+    together over 10 % of the samples, are kept: they are a state of the sensor."""
     spikes = find_spikes(x)
     signal = repaired(x, spikes)
     # Replaced samples are not at multiples of the step.

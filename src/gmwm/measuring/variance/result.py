@@ -190,12 +190,12 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
 
     @property
     def extent(self) -> str:
-        """Number of samples and segments, and the rate, as text."""
+        """Number of recorded and of filled samples, number of segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
         if self.recordings:
             apart = f" in {len(self.recordings)} recordings"
-        filled = f", {self.filled} of them filled," if self.filled else ""
-        return f"{self.samples} samples{filled}{apart} {rate_words(self.rate, self.unit)}"
+        filled = f" and {self.filled} filled ones" if self.filled else ""
+        return f"{self.samples - self.filled} samples{filled}{apart} {rate_words(self.rate, self.unit)}"
 
     @classmethod
     def from_values(

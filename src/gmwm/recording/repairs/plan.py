@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,15 +21,13 @@ _FROZEN, _FROZEN_TIMES = 32, 6
 """Smallest number of equal samples in a row at which the output froze: also as a multiple of the length that one run of
 a thousand exceeds (tests/recording/test_repairs.py)."""
 _COARSE = 0.4
-"""Largest share of values that return after one other value, for an output whose equal samples are tested for a frozen
-sensor. A coarser output stays at one value whenever the mean is in the middle of a step."""
+"""Share of values that return after another; above, a coarse output stays at a value, so it is not tested."""
 _MOST_FROZEN = 0.1
 """Largest share of frozen samples that are treated as gaps. A longer standstill is a fault of the sensor."""
 _MOST_DEAD = 0.5  # largest share of the recording that is left out at its beginning
 _UNLIKELY = 1e-3  # largest expected number of straight runs by chance
 _OF_STEP, _ON_GRID = 1 << 15, 0.01
-"""Number of samples from which the quantization step is taken; and median distance of the slopes of straight runs from
-whole steps, below which the runs are those of a slow rounded signal."""
+"""Samples for the quantization step, and distance of slopes from whole steps of a slow rounded signal's runs."""
 _MOST_STRAIGHT = 0.3  # largest share of interpolated samples that are treated as gaps. Above it, the log was resampled
 
 
@@ -106,39 +105,37 @@ class RepairPlan:
 
 
 def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
-    """Return a plan for each group of axes that one clock can describe. A fault of some axes leaves the samples of the
-    other axes as they are. `duplicates` is the share of time stamps that equal the one before."""
+    """Return plans for axes of one clock, so that faults leave the others; `duplicates`: share of equal stamps."""
     signals = batch.signals
     begins = np.array([first for first, _ in next(iter(signals.values())).segments])
+    same = {axis: repeats([signal.values], begins) for axis, signal in signals.items()}
     sensors: dict[str, list[str]] = {}
     for axis in signals:
         sensors.setdefault(sensor_of(axis), []).append(axis)
     groups: dict[Repeats | None, list[str]] = {}
     for axes in sensors.values():
-        for axis, pattern in _patterns({axis: signals[axis].values for axis in axes}, begins, duplicates).items():
+        for axis, pattern in _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates).items():
             groups.setdefault(pattern, []).append(axis)
-    plans = [_plan(axis, pattern, batch, begins) for pattern, axes in groups.items() for axis in axes]
+    plans = [
+        _plan(axis, pattern, signals[axis].values, same[axis], begins)
+        for pattern, axes in groups.items() for axis in axes
+    ]  # fmt: skip
     return _joined({plan.axes[0]: plan for plan in plans}, batch, begins)
 
 
-def _patterns(values: Mapping[str, Vector], begins: Indices, duplicates: float) -> dict[str, Repeats | None]:
+def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dict[str, Repeats | None]:
     """Return how the values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
-    pattern = repeats_of(list(values.values()), begins, duplicates)
-    if pattern is None or _coincide(list(values.values()), begins):
-        return {axis: repeats_of([x], begins, duplicates) for axis, x in values.items()}
-    return dict.fromkeys(values, pattern)
+    same = np.logical_and.reduce([alone for _, alone in axes.values()])
+    pattern = repeats_of([values for values, _ in axes.values()], same, duplicates)
+    # Independent axes repeat together as often as chance, up to a factor of 2.
+    chance = math.prod(float(np.mean(alone)) for _, alone in axes.values())
+    if pattern is None or (len(axes) > 1 and np.mean(same) < 2 * chance):
+        return {axis: repeats_of([values], alone, duplicates) for axis, (values, alone) in axes.items()}
+    return dict.fromkeys(axes, pattern)
 
 
-def _coincide(axes: list[Vector], begins: Indices) -> bool:
-    """Return whether axes repeat together only as often as independent axes do, up to a factor of 2."""
-    together = np.mean(repeats(axes, begins))
-    return len(axes) > 1 and bool(together < 2 * np.prod([np.mean(repeats([values], begins)) for values in axes]))
-
-
-def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> RepairPlan:
+def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, begins: Indices) -> RepairPlan:
     """Return the plan of one axis."""
-    values = batch.signals[axis].values
-    same = repeats([values], begins)
     dead = _dead(same)
     frozen, line, levels, slower = 0, 0, None, 0.0
     if pattern is None:
@@ -147,8 +144,6 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
         share = np.mean(in_long_runs(same, frozen)[dead:]) if frozen else 0.0
         frozen = frozen if 0 < share <= _MOST_FROZEN else 0
         line = _straight_length(values, begins)
-        share = np.mean(_in_straight_runs(values, begins, line)) if line else 0.0
-        line = line if 0 < share <= _MOST_STRAIGHT else 0
     found = {
         "frozen": frozen,
         "straight": line,
@@ -158,7 +153,7 @@ def _plan(axis: str, pattern: Repeats | None, batch: Batch, begins: Indices) -> 
         "resampled": slower,
     }
     mappings: dict[str, Any] = {name: {axis: value} if value else {} for name, value in found.items()}
-    return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * len(batch) else 0, **mappings)
+    return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * values.size else 0, **mappings)
 
 
 def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> list[RepairPlan]:
@@ -183,37 +178,38 @@ def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> l
 
 def _dead(same: Mask) -> int:
     """Return the number of equal samples at the beginning, if they are far more than in other runs."""
-    changes = np.flatnonzero(~same)
-    first = int(changes[1]) if changes.size > 1 else 0
-    if first < _FROZEN or changes.size < 3:
+    if not np.all(same[1:_FROZEN]):
         return 0
+    changes = np.flatnonzero(~same)
+    if changes.size < 3:
+        return 0
+    first = int(changes[1])
     lengths = np.diff(changes[1:])
     return first if first > _FROZEN_TIMES * float(np.max(lengths)) else 0
 
 
 def _frozen_length(values: Vector, same: Mask) -> int:
     """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
-    changes = np.flatnonzero(~same)
-    if changes.size < 100:
+    level = values[~same]
+    if level.size < 100 or np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
         return 0
-    level = values[changes]
-    if np.mean(level[2:] == level[:-2]) > _COARSE:
-        return 0
-    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(changes), 0.999)))
+    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(np.flatnonzero(~same)), 0.999)))
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:
-    """Return the smallest number of samples in a row on a straight line that chance does not explain."""
+    """Return the least straight run of samples beyond chance; 0 without one, or if most of the log is interpolated."""
     line = straight(values, begins)
     if line.size < 3:
         return 0
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(float(np.mean(alone)), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
-    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[_in_straight_runs(values, begins, length)[1:]]
-    if step is not None and slopes.size and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID:
+    rows = in_long_runs(line, length + 1)  # see `_in_straight_runs`
+    if length > _FROZEN or not 0 < np.mean(rows) <= _MOST_STRAIGHT:
         return 0
-    return length if length <= _FROZEN else 0
+    step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[rows[1:]]
+    is_slow = step is not None and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID
+    return 0 if is_slow else length
 
 
 def _in_straight_runs(values: Vector, begins: Indices, least: int) -> Mask:

@@ -166,80 +166,78 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
 
 TIMES = (1.0, 10.0, 60.0)  # times (s) over which the predictions of the filters are compared
 LARGE_LOSS = 1.2
-"""Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
-tests/exporters/test_quality.py."""
+"""Loss at the longest time that advises a filter with more states, a convention (tests/exporters/test_quality.py)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """RMS error of the predicted mean over a time: over that of the filter of the full model, and stated over real.
-
-    `loss` is None if the full model has no filter.
-    """
+    """RMS error of a mean over that of the full model's filter (None without one), and stated over real error."""
 
     loss: float | None
     claim: float
 
 
-def qualities(axis: AxisNoise) -> tuple[Quality, ...]:
-    """Return the quality of N and K of an axis at each of `TIMES`, without inflation."""
+def qualities(axis: AxisNoise, white: float, walk: float) -> tuple[Quality, ...]:
+    """Return the quality of N and K of a file for an axis at each of `TIMES`."""
     stored: dict[tuple[float, float], tuple[Quality, ...]] = axis.fit.__dict__.setdefault("_qualities", {})
-    key = axis.N.value, axis.K.value
-    if key not in stored:
-        stored[key] = tuple(_quality(axis, time) for time in TIMES)
-    return stored[key]
+    if (white, walk) not in stored:
+        stored[white, walk] = tuple(_quality(axis.fit, white, walk, time) for time in TIMES)
+    return stored[white, walk]
 
 
-def _quality(axis: AxisNoise, time: float) -> Quality:
-    processes, rate = axis.fit.model.processes, axis.fit.wavelet_variance.rate
-    samples, gain = samples_in(time, rate), FilterGain(axis.K.value / (axis.N.value * rate))
+def _quality(fit: Fit, white: float, walk: float, time: float) -> Quality:
+    processes, rate = fit.model.processes, fit.wavelet_variance.rate
+    samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
     # The filter of the full model has no sinusoids either.
     error = FilterPrediction.of(processes, rate, samples, lines=False).error(gain)[0]
     least = smallest_error(processes, rate, samples)
     loss = None if least is None else math.sqrt(max(error / least, 1.0))
-    return Quality(loss, claim(axis.fit, axis.N.value, axis.K.value, time))
+    return Quality(loss, claim(fit, white, walk, time))
 
 
-def predictions(sensors: Iterable[SensorNoise]) -> list[str]:
-    """Return a sentence for each sensor on the loss of N and K against the full model, and on their stated error, each
-    for the axis where it is worst."""
+def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
+    """Return a sentence for each sensor on how a filter with N and K of the file predicts its axes, before inflation:
+    the largest loss against the full model, and the smallest and largest ratio of the stated to the real error."""
     lines, holds, times, large = [], [], "/".join(f"{time:g}" for time in TIMES), False
+    before = " before inflation" if inflation != 1 else ""
     for sensor in sensors:
-        axes = [axis for axis in sensor.axes if axis.N.value > 0]
-        if not axes:
+        name = NAMES[sensor.quantity].capitalize()
+        groups: dict[tuple[float, float], list[AxisNoise]] = {}  # axes with the same N and K in the file
+        for axis, white, walk in zip(sensor.axes, sensor.N, sensor.K, strict=False):
+            if white.value > 0:
+                groups.setdefault((white.value / inflation, walk.value / inflation), []).append(axis)
+        if not groups:
             continue
-        by_time = list(zip(*(qualities(axis) for axis in axes), strict=True))
+        by_time = list(zip(*(qualities(axis, *pair) for pair, axes in groups.items() for axis in axes), strict=True))
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
-        claims = [max((each.claim for each in at), key=lambda ratio: abs(math.log(ratio))) for at in by_time]
-        text = f"{NAMES[sensor.quantity].capitalize()}, {times} s: "
+        text = f"{name}, {times} s: "
         if not any(map(math.isnan, losses)):
-            text += f"error / full model's error {_listed(losses)}; "
-        begins, ends = zip(*(true_times(axis.fit, axis.N.value, axis.K.value) for axis in axes), strict=True)
-        since, until = max(begins), min(ends)
-        lines.append(f"{text}stated / real error {_listed(claims)}.")
-        if since > TIMES[0]:
+            text += f"error / full model's error {', '.join(f'{loss:.2f}' for loss in losses)}; "
+        ratios = ", ".join(_range([each.claim for each in at]) for at in by_time)
+        lines.append(f"{text}stated / real error{before} {ratios}.")
+        spans = {pair: true_times([axis.fit for axis in axes], *pair) for pair, axes in groups.items()}
+        first = min(spans, key=lambda pair: spans[pair][1])
+        since, until = max(begin for begin, _ in spans.values()), spans[first][1]
+        if since == math.inf:
+            lines.append(f"{name}: this ratio leaves {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g} at all times.")
+        elif since > TIMES[0]:
             end = f" up to {until:g} s" if since < until < math.inf else ""
-            lines.append(f"{NAMES[sensor.quantity].capitalize()}: N and K hold from {since:g} s{end}.")
+            lines.append(f"{name}: N and K hold from {since:g} s{end}.")
         elif until < TIMES[-1]:
-            lines.append(
-                f"{NAMES[sensor.quantity].capitalize()}: N and K hold up to {until:g} s; beyond, set the "
-                f"horizon{_bias_instead(axes)}."
-            )
+            instead = _bias_instead(min(groups[first], key=lambda axis: qualities(axis, *first)[-1].claim))
+            lines.append(f"{name}: N and K hold up to {until:g} s; beyond, set the horizon{instead}.")
         elif until < math.inf:
             holds.append(f"{until:g} s ({NAMES[sensor.quantity]})")
         large = large or losses[-1] > LARGE_LOSS
     if holds:
-        least, most = TRUE_CLAIM
-        lines.append(
-            f"N and K hold up to {', '.join(holds)}: until then, stated / real error is {least:g} to {most:g}."
-        )
+        within = f"the smallest stated / real error is {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g}"
+        lines.append(f"N and K hold up to {', '.join(holds)}: until then, {within}.")
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 
-def _bias_instead(axes: Sequence[AxisNoise]) -> str:
-    """Return white noise and a Gauss-Markov bias for the axis with the worst stated error at the longest time. The
-    errors that a filter with these numbers states are true at all times (docs/validation/filter.md)."""
-    axis = max(axes, key=lambda axis: abs(math.log(qualities(axis)[-1].claim)))
+def _bias_instead(axis: AxisNoise) -> str:
+    """Return white noise and a Gauss-Markov bias of an axis. The errors that a filter with these numbers states are
+    true at all times (docs/validation/filter.md)."""
     longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
     band = TIMES[0], max(longest, LEAST_AVERAGING_RATIO * TIMES[0])
     state = cached(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
@@ -249,5 +247,6 @@ def _bias_instead(axes: Sequence[AxisNoise]) -> str:
     return f" or N {state.white:.3g}, σ {state.sigma[0]:.2g}, T {state.time[0]:.2g} s ({axis.axis})"
 
 
-def _listed(numbers: Iterable[float]) -> str:
-    return ", ".join(f"{number:.2f}" for number in numbers)
+def _range(ratios: Sequence[float]) -> str:
+    """Return the smallest and the largest ratio, once if they agree."""
+    return "-".join(dict.fromkeys(f"{ratio:.2f}" for ratio in (min(ratios), max(ratios))))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from pprint import pformat
 from typing import Any
 
 import numpy as np
 
+from gmwm.base.documents import indented_json
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Remark
 from gmwm.calibration import Calibration
@@ -20,7 +19,7 @@ from gmwm.showing.exporters.base import Exporter, ExportOptions, Noise, TwoNumbe
 from gmwm.showing.exporters.quality import of_ramps
 from gmwm.showing.exporters.reduction import Number
 from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording, written
-from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
+from gmwm.showing.exporters.two_states import STATES, TwoStates, cached, is_ramp_of, two_states
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 
@@ -144,7 +143,7 @@ class StateSpaceFile(StateSpaces):
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of a Python file."""
         axes = {plain(axis): axis_matrices(axis, calibration, options) for axis in calibration}
-        table = pformat(axes, indent=1, width=110, sort_dicts=False)
+        table = _literal(axes)
         head = commented(self.head(calibration, options), "#")
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
 
@@ -161,7 +160,7 @@ class StateSpaceJson(StateSpaces):
         """Return the text of a JSON document. The head is a list under the key "gmwm"."""
         axes = {plain(axis): axis_matrices(axis, calibration, options) for axis in calibration}
         head = [line[2:].strip() for line in commented(self.head(calibration, options), "#")]
-        return json.dumps({"axes": axes, "gmwm": head}, indent=1, allow_nan=False) + "\n"
+        return indented_json({"axes": axes, "gmwm": head}, escaped=True) + "\n"
 
 
 @register
@@ -219,6 +218,17 @@ MATRICES = ("F", "Q", "H", "R", "m0", "P0", "A", "Qc", "H_c", "Rc")
 """Names of the matrices of an axis, in the order in which files list them."""
 
 
+def _literal(value: Any, indent: int = 0) -> str:
+    """Return numbers, strings, lists and dicts as Python code, with what does not fit in a line on several lines."""
+    text, between = repr(value), ",\n" + (indent + 1) * " "
+    if len(text) + indent < 110 or not isinstance(value, dict | list):
+        return text
+    if isinstance(value, dict):
+        items = [f"{key!r}: {_literal(item, indent + 3 + len(repr(key)))}" for key, item in value.items()]
+        return "{" + between.join(items) + "}"
+    return "[" + between.join(_literal(item, indent + 1) for item in value) + "]"
+
+
 def _matrix(value: Any) -> list[list[float]]:
     """Return a matrix unchanged, or a vector as a matrix with one column."""
     return [[x] for x in value] if value and not isinstance(value[0], list) else value
@@ -243,13 +253,16 @@ def _identifier(axis: str) -> str:
 
 
 def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    """Return the state-space matrices of one axis as lists, and those of its reduction to two states. F, Q, H and R are
-    for the rate of the options or, by default, of the recording."""
-    fit = calibration[axis]
+    """Return an axis's state-space matrices, and those of two states, at the rate of the options or recording."""
+    fit, key = calibration[axis], (options.rate, options.horizon, options.duration)
     try:
-        whole = _matrices(fit.model, fit, options.rate)
+        return cached(fit, "matrices", key, lambda: _axis_matrices(fit, options))
     except MissingTheoryError as error:
         raise error.at(axis) from error
+
+
+def _axis_matrices(fit: Fit, options: ExportOptions) -> dict[str, Any]:
+    whole = _matrices(fit.model, fit, options.rate)
     reduced = _reduced(fit, options)
     if reduced is None:
         return {**whole, "two_states": None}
@@ -310,18 +323,13 @@ _LASTING = 100.0
 
 @register
 class Matlab(TwoNumbers):
-    """File for MATLAB's simulator imuSensor with N, K and flicker noise of each axis.
+    """MATLAB's imuSensor with N, K and flicker noise of each axis.
 
-    f is the sampling rate. With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a
-    step of the random walk has RandomWalk/√f, which agrees with the definitions of N and K. With the default
-    "double-sided", MATLAB uses f/2 instead of f.
+    With the NoiseType "single-sided", a sample has NoiseDensity √f and a step of the walk RandomWalk/√f, which are N
+    and K; the default "double-sided" uses f/2. BiasInstability B drives a filter: flicker noise of density B²/(2π|f|)
+    up to as many lags as it has poles (default: one), then white noise.
 
-    BiasInstability is the coefficient B of white noise that drives a filter. The output of the filter is flicker noise
-    with the spectral density B²/(2π|f|) at time lags up to as many samples as the filter has poles. At longer lags, it
-    is white noise. The default filter has one pole.
-
-    Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code.
-    """
+    Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code."""
 
     name = "matlab"
     title = "MATLAB (imuSensor with gyroparams and accelparams)"

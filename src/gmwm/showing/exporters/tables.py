@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from gmwm.base.documents import plain
+from gmwm.base.documents import indented_json, plain
 from gmwm.base.errors import DataError
 from gmwm.base.text import version
 from gmwm.base.units import SI_UNIT, by_sensor, find_unit, noise_unit
@@ -150,8 +149,7 @@ FORMAT = "gmwm-numbers"
 
 @register
 class JsonNumbers(Exporter):
-    """JSON with the noise parameters of a calibration, for other programs. calibration.json has the complete
-    calibration."""
+    """JSON with the noise parameters for other programs; calibration.json has the complete calibration."""
 
     name = "json"
     title = "other programs (JSON)"
@@ -177,7 +175,7 @@ class JsonNumbers(Exporter):
             "failed": dict(calibration.failed),
             "remarks": [remark.to_dict() for remark in self.remarks(calibration, options)],
         }
-        return json.dumps(plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+        return indented_json(plain(content)) + "\n"
 
 
 def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:

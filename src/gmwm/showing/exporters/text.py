@@ -24,15 +24,14 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Return a sentence on the recording for the head of a file. It states the source, the length, the rate, the
-    checksum, and the effects that were subtracted."""
+    """Return a sentence on the recording: source, length, rate, checksum, and subtracted effects."""
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source_name}, " if calibration.source else ""
     digests = checksums(calibration)
     # Sensors with different clocks can have different rates and lengths.
     extents: dict[float, str] = {}
-    for fit in calibration.values():
+    for fit in sorted(calibration.values(), key=lambda fit: fit.wavelet_variance.filled):
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
     extent = " and ".join(extents.values())
     return (

@@ -18,7 +18,7 @@ from gmwm.base.text import round_fixed, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import legend, model_words, rows_of
+from gmwm.calibration.summary_text import legend, model_words, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -192,6 +192,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
         "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "short_legend": short_legend(calibration),
         "sections": {name: asdict(section) for name, section in sections(calibration).items()},
         "configurations": files,
         "left_out": refused,
@@ -218,9 +219,6 @@ def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     return pictures
 
 
-# --- the recording and the settings -----------------------------------------------------------------
-
-
 def _settings(calibration: Calibration) -> Facts:
     options = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[options.robust]
@@ -234,9 +232,6 @@ def _settings(calibration: Calibration) -> Facts:
         ("Confidence", f"{100 * options.confidence:g} %"),
         ("Seed", str(options.seed)),
     ]  # fmt: skip
-
-
-# --- one axis ---------------------------------------------------------------------------------------
 
 
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
@@ -262,10 +257,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
 
 
 def regression_table(regression: Regression | None) -> dict[str, Any]:
-    """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
-
-    The first row of the table has the headings.
-    """
+    """Return a text on a regression, and a table of coefficients with headings first; {} without one."""
     if regression is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
@@ -281,10 +273,7 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
 
 
 def _test(axis: AxisCalibration, rejected: bool) -> str:
-    """Describe the goodness-of-fit test of one axis in words.
-
-    If several axes are tested, single p-values below 5 % are expected by chance, so the level is that of all axes.
-    """
+    """Describe one axis's goodness-of-fit test; the level is for all axes, as single p < 5 % occur by chance."""
     if axis.test is None:
         return "No test: there are too few levels"
     summary = axis.test.summary(rejected and axis.test.pvalue <= 0.05)
@@ -293,14 +282,13 @@ def _test(axis: AxisCalibration, rejected: bool) -> str:
 
 def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
-    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best ± standard error"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < MOST_CANDIDATES_LISTED or c.equivalent or c.recommended]
     for candidate in listed:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
-        numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
-        texts_of_numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)
-        rows.append([round_fixed(ranking.label(candidate)), word, *texts_of_numbers])
+        numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in (wic.value, wic.loss, wic.optimism))
+        rows.append([round_fixed(ranking.label(candidate)), word, *numbers, ranking.difference_text(candidate)])
     more = len(ranking.distinct) - len(listed)
     return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 

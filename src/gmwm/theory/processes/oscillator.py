@@ -24,11 +24,9 @@ from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lag
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
-"""Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
-periods cannot distinguish larger ones from a sinusoid."""
+"""Qualities of an oscillator: at ½ it does not oscillate, and 10⁹ periods do not distinguish a sinusoid."""
 PERIODIC_QUALITY = 2.0
-"""Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
-that at the peak."""
+"""Quality of nearly periodic processes: density at low frequencies below a quarter of the peak's."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
 
@@ -78,8 +76,7 @@ class OSC(Process):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (2, 2) of the coordinates of starting values: f₀ from one period in the recording to half
-        the sampling rate, and Q from 0.7 to 300."""
+        """Return ranges (2, 2) of starts: f₀ from one period per recording to half the rate, and Q from 0.7 to 300."""
         return np.log([[rate / samples, rate / 2], [0.7 - CRITICAL, 300.0 - CRITICAL]])
 
     @classmethod
@@ -110,8 +107,7 @@ class OSC(Process):
         return np.asarray(self.scale * np.exp(-damping * t) * (np.cos(angle) + damping * t * np.sinc(angle / np.pi)))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms
-        would cancel otherwise."""
+        """Compute A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms would cancel."""
         x = np.asarray(2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags)))
         result, near = np.array(self.autocovariance(lags, rate) - self.scale), x < 1.0
         before, last, small = 1.0, 0.0, x[near]  # coefficients of x⁰ and x¹ in r/σ²
@@ -179,8 +175,7 @@ class OSC(Process):
         )  # fmt: skip
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return the time Q/πf₀ (s) in which the envelope of the autocovariance decays to 1/e; None if f₀ or Q has no
-        value."""
+        """Return the time Q/πf₀ (s) of decay of the envelope to 1/e; None if f₀ or Q has no value."""
         frequency, quality = self.values["frequency"], self.values["quality"]
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
@@ -219,8 +214,7 @@ class OSC(Process):
 
 
 def name_in_text(term: str, process: Process) -> str:
-    """Return the name of a term for readers. A nearly periodic process is named by its frequency, and not by its number
-    in the model.
+    """Return the name of a term for readers; nearly periodic ones are named by frequency, not number.
 
     >>> from gmwm.processes import SIN, WN
     >>> name_in_text("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0)), name_in_text("WN", WN())
