@@ -135,14 +135,9 @@ def as_rate(rate: float | None) -> float:
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
-<<<<<<< HEAD
-    """Check wavelet levels: ascending integers from 1 to 62, or one number J for 1, …, J. Scale 62 is the last 64-bit
-    integer."""
+    """Check wavelet levels: ascending integers from 1 to 62 (scales of 64 bits), or a number J for 1, …, J."""
     if type(levels) is np.ndarray and levels.dtype == np.int64 and levels.ndim == 1 and _are_levels(levels.tobytes()):
         return levels
-=======
-    """Check wavelet levels: ascending integers from 1 to 62 (scales of 64 bits), or a number J for 1, …, J."""
->>>>>>> main
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":
