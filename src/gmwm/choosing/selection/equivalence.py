@@ -131,7 +131,7 @@ class Hypothesis:
         # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
         columns = self._columns - (self._columns @ self.axes) @ self.axes.T
-        return columns[np.sum(columns**2, axis=1) > spare]
+        return np.asarray(columns[np.sum(columns**2, axis=1) > spare])
 
     @cached_property
     def _penalties(self) -> Vector:

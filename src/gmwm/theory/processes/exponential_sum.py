@@ -238,7 +238,7 @@ _CURVE = _series(lambda n: (-1) ** n / factorial(n), 2, 20)
 
 
 def oscillation_shape(damping: Array, turn: Array, h: Array) -> Array:
-    """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω per sample, half-scales h."""
+    """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω a sample, half-scales h."""
     out = np.empty((turn.size, h.size))
     _core.oscillation_shapes(np.ascontiguousarray(damping), np.ascontiguousarray(turn), h, out)
     return out

@@ -136,8 +136,8 @@ class OSC(Process):
         n, (damping, turn) = as_clusters(clusters), self._rates()
         if turn < 1e-3 * math.tau * self.value("frequency"):
             return super().allan_variance(n, rate)
-        rates = (np.array([part / as_rate(rate)]) for part in (damping, turn))
-        shape = exponential_sum.oscillation_shape(*rates, n.ravel().astype(np.float64))
+        rates = np.array([[damping], [turn]]) / as_rate(rate)
+        shape = exponential_sum.oscillation_shape(rates[0], rates[1], n.ravel().astype(np.float64))
         return np.asarray(2.0 * self.scale * shape[0].reshape(n.shape))
 
     def memory(self, rate: float) -> int | None:
