@@ -11,13 +11,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector
 from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
-from gmwm.fitting.estimation.branch_and_bound import (
-    LIMITS,
-    WIDTHS,
-    Optimum,
-    Search,
-    SearchResult,
-)
+from gmwm.fitting.estimation.branch_and_bound import LIMITS, WIDTHS, Optimum, Search, SearchResult
 from gmwm.fitting.estimation.problem import ROUNDING, Problem
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.covariance.design import Design
