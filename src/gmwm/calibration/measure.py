@@ -29,15 +29,7 @@ from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
-from gmwm.measuring.outliers import (
-    MATERIAL,
-    TOLERANCE,
-    Screen,
-    Verdict,
-    contamination,
-    dependence,
-    other_efficiency,
-)
+from gmwm.measuring.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, dependence, other_efficiency
 from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression

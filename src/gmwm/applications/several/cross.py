@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -402,16 +402,17 @@ MOST_BLOCK_MEANS = 1 << 20
 
 
 def shared_noise(
-    signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None, fill: bool = True
+    signals: Mapping[str, Signal] | Iterable[tuple[str, Signal]], *, size: float = 0.05, threads: int | None = None
 ) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value. Of more than
     `MOST_BLOCK_MEANS` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
     finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
-    correlated at the largest scales. Axes without noise at some scale are left out. With `fill`, short gaps are filled
-    first."""
+    correlated at the largest scales. Axes without noise at some scale are left out. Short
+    gaps of a mapping are filled first, but not those of pairs of axis and signal."""
     try:
         means, k = dict[str, Signal](), 0
-        for axis, signal in (synchronous_signals(signals, None) if fill else signals).items():
+        pairs_of_axes = synchronous_signals(signals, None).items() if isinstance(signals, Mapping) else signals
+        for axis, signal in pairs_of_axes:
             k = max(0, (len(signal) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
             means[axis] = block_means(signal, k)
         means = in_threads(
@@ -466,9 +467,11 @@ class SharedNoiseAddition(RecordingAddition):
         """Return whether there are at least two axes."""
         return len(axes) > 1
 
-    def of_recording(self, signals: Mapping[str, Signal], *, threads: int | None = None) -> tuple[SharedNoise, ...]:
+    def of_recording(
+        self, signals: Iterable[tuple[str, Signal]], *, threads: int | None = None
+    ) -> tuple[SharedNoise, ...]:
         """Test all pairs of axes."""
-        return shared_noise(signals, threads=threads, fill=False)
+        return shared_noise(signals, threads=threads)
 
     def remarks(self, finding: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
         """Yield one remark if any of these axes share noise at this significance level. Axes with remaining motion or

@@ -176,11 +176,6 @@ class Likelihood:
         taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
-    def with_step(self, models: Integers, first: int) -> float:
-        """Return the smallest −2 log L with a jump between or in the middle of blocks from `first` on, for some noise
-        models."""
-        return float(np.min(self.with_steps(models, first + 1, self.z.size)))
-
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump between or in the middle of blocks, except for the `first`
         and the last ones; its place (blocks), and the weights of the noise model."""
