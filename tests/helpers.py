@@ -1,9 +1,11 @@
-"""Assertions on errors and remarks that do not depend on their wording, and a reader of TOML in every Python."""
+"""Assertions on errors and remarks that do not depend on their wording, loops over cases, and a reader of TOML."""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +25,31 @@ def device(name: str) -> Path:
     if not path.exists():
         pytest.skip(f"{name} is not at hand")
     return path
+
+
+def each(names: str | tuple[str, ...], cases: Iterable[Any]) -> Callable[[Any], Any]:
+    """Run a test in a loop over cases, as `parametrize` would run it as many tests. A failure names its case.
+
+    Thousands of small tests take longer to collect and to report than to run.
+    """
+    keys = names if isinstance(names, tuple) else tuple(name.strip() for name in names.split(","))
+
+    def decorate(test: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(test)
+        def run(*fixtures: Any, **others: Any) -> None:
+            for case in cases:
+                values = dict(zip(keys, case if len(keys) > 1 else (case,), strict=True))
+                try:
+                    test(*fixtures, **others, **values)
+                except Exception as error:
+                    raise AssertionError(f"in the case {values}") from error
+
+        signature = inspect.signature(test)
+        parameters = [parameter for name, parameter in signature.parameters.items() if name not in keys]
+        run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+        return run
+
+    return decorate
 
 
 def code_of(remark: Remark) -> str:

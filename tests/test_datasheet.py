@@ -116,6 +116,12 @@ def test_the_interval_of_a_product_knows_the_correlation():
     assert found.low * found.high == near(found.value**2)
 
 
+@pytest.mark.parametrize(("beta", "contained"), [(5.0, False), (25.0, True)])
+def test_the_white_noise_of_a_term_names_the_fast_markov_term_that_n_contains(beta, contained):
+    fit = gmwm.fit("GM + WN", exact(GM(beta=beta, sigma2=1e-5) + WN(sigma2=1e-6)))
+    assert fit.datasheet()["N of WN"].title.endswith(", without GM, which N contains") == contained
+
+
 def test_the_two_ways_to_write_a_markov_process_have_one_datasheet():
     truth = GM(beta=2.0, sigma2=1e-8) + WN(sigma2=1e-6)
     a, b = (sheet_of(text, exact(truth)) for text in ("GM + WN", "AR1 + WN"))

@@ -13,6 +13,7 @@ import gmwm
 from gmwm import AR1, DR, FN, GM, MAT, PL, QN, RW, SIN, WN, Model
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, best_gain, filter_numbers
 from gmwm.theory.processes import registry
+from tests.helpers import each
 
 RATE = 100.0
 NOISES = {
@@ -42,8 +43,8 @@ def by_lags(process, gain: FilterGain, samples: int) -> float:
     return float(-2 * together[1:] @ semivariance[1:])
 
 
-@pytest.mark.parametrize("name", NOISES)
-@pytest.mark.parametrize(("bandwidth", "samples"), [(0.01, 1), (0.01, 100), (0.3, 20), (5.0, 700)])
+@each("name", NOISES)
+@each(("bandwidth", "samples"), [(0.01, 1), (0.01, 100), (0.3, 20), (5.0, 700)])
 def test_the_error_is_the_sum_over_lags_of_every_process(name, bandwidth, samples):
     process, gain = NOISES[name], FilterGain(bandwidth)
     tolerance = 0.01 if name == "MAT" else 1e-7  # the density of MAT comes from its approximate state space
@@ -79,9 +80,9 @@ def test_the_derivative_is_the_derivative():
         assert slope == pytest.approx((high - low) / (2 * step), rel=1e-6, abs=1e-9 * error)
 
 
-@pytest.mark.parametrize("rate", [0.001, 1.0, 100.0, 10_000.0])
-@pytest.mark.parametrize("horizon", [1e-3, 1.0, 60.0])
-@pytest.mark.parametrize("bandwidth", [1e-7, 1e-3, 1.0])
+@each("rate", [0.001, 1.0, 100.0, 10_000.0])
+@each("horizon", [1e-3, 1.0, 60.0])
+@each("bandwidth", [1e-7, 1e-3, 1.0])
 def test_white_noise_and_a_walk_return_their_coefficients(rate, horizon, bandwidth):
     # Bandwidth is w Δt: for every rate and horizon, the two numbers are those of the terms.
     white, walk = 1e-4, 1e-4 * bandwidth * rate

@@ -11,7 +11,7 @@ import pytest
 
 from gmwm.base.errors import MissingDependencyError, OptionError
 from gmwm.theory.filters import FILTERS, HAAR, WaveletFilter, find_filter, project
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
@@ -19,7 +19,8 @@ oracle = SimpleNamespace(**runpy.run_path(str(ROOT / "tests" / "oracles" / "filt
 pywt = pytest.importorskip("pywt")
 FOREIGN = ("db1", "db9", "db20", "db38", "sym5", "sym20", "coif2", "coif17")
 every_filter = pytest.mark.parametrize("name", FILTERS)
-every_name = pytest.mark.parametrize("name", FILTERS + FOREIGN)
+loop_over_filter = each("name", FILTERS)
+every_name = each("name", FILTERS + FOREIGN)
 EXACT = [name for name in FILTERS if find_filter(name).accuracy <= 1e-15]
 
 
@@ -44,7 +45,7 @@ def test_the_wavelet_takes_polynomials_to_zero(name):
         assert abs(f.wavelet @ place**f.vanishing_moments) > 1e-6
 
 
-@every_filter
+@loop_over_filter
 def test_the_table_is_as_accurate_as_it_says_and_moved_by_no_more(name):
     f = find_filter(name)
     assert f.adjustment <= f.accuracy <= 1e-6
@@ -96,8 +97,8 @@ def test_published_numbers_are_those_of_the_reference(name):
     assert np.abs(f.scaling - published).max() <= (1e-9 if name in EXACT else f.accuracy)
 
 
-@pytest.mark.parametrize("level", [1, 2, 3, 5])
-@every_filter
+@each("level", [1, 2, 3, 5])
+@loop_over_filter
 def test_level_filter_gain_and_autocorrelation_are_one_another(name, level):
     f = find_filter(name)
     taps = f.level_filter(level)
@@ -114,7 +115,7 @@ def test_level_filter_gain_and_autocorrelation_are_one_another(name, level):
 
 
 @pytest.mark.slow
-@every_filter
+@loop_over_filter
 def test_the_first_moment_has_all_its_digits(name):
     f = find_filter(name)
     taps = oracle.orthonormal(list(f.scaling), f.vanishing_moments)
@@ -123,7 +124,7 @@ def test_the_first_moment_has_all_its_digits(name):
     assert f.first_moment == pytest.approx(exact if f.vanishing_moments == 1 else 0.0, rel=1e-15, abs=0)
 
 
-@every_filter
+@loop_over_filter
 def test_deep_autocorrelation_stays_small_work(name):
     f = find_filter(name)
     r = f.autocorrelation([[0, 1], [2**30, f.width(30)]], 30)
@@ -133,7 +134,7 @@ def test_deep_autocorrelation_stays_small_work(name):
     assert r[1, 1] == 0
 
 
-@every_filter
+@loop_over_filter
 def test_deepest_level_is_the_last_that_fits(name):
     f = find_filter(name)
     for level in (1, 2, 7):

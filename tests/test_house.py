@@ -20,7 +20,7 @@ import pytest
 
 import gmwm
 from gmwm.theory.processes import registry
-from tests.helpers import tomllib
+from tests.helpers import each, tomllib
 from tests.house_figures import figures, modules_of_calibrate
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -250,7 +250,7 @@ def _is_list_of_exports(statement: ast.stmt) -> bool:
     return isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "__all__"
 
 
-@pytest.mark.parametrize("name", [name for name in dir(gmwm) if not name.startswith("_")])
+@each("name", [name for name in dir(gmwm) if not name.startswith("_")])
 def test_public_names_say_what_they_are(name: str) -> None:
     thing = getattr(gmwm, name)
     words = vars(thing).get("__doc__") if inspect.isclass(thing) else inspect.getdoc(thing)
@@ -259,6 +259,7 @@ def test_public_names_say_what_they_are(name: str) -> None:
     assert not words.startswith(f"{name}("), name
 
 
+@pytest.mark.slow
 def test_the_figures_of_the_house_stay() -> None:
     limits = {"entries": 14, "classes": 0, "locals": 1, "participles": 3, "constants": 450, "codes": 110, "upward": 12}
     found = figures(PACKAGE)

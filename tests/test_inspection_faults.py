@@ -237,6 +237,13 @@ def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
     assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
 
 
+@pytest.mark.parametrize("seed", [4, 6, 11])
+def test_several_jumps_that_look_like_a_walk_are_possible(seed):
+    x = faults.jumps(120_000, np.random.default_rng((5, seed)))
+    remark = only(seen(x).remarks, "level-steps:possible", "gyro_x")
+    assert len(remark.facts["places"]) == remark.facts["count"] >= 2
+
+
 def test_a_second_warm_up_makes_k_a_bound():
     """After a power cycle, the mean jumps and decays again. A jump that is subtracted would leave the decay in K."""
     size = 3 * SAMPLES

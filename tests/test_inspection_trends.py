@@ -9,7 +9,7 @@ import gmwm
 from gmwm.base.remarks import Severity
 from gmwm.measuring.inspection import inspect
 from gmwm.recording.signals import Imu, Signal
-from tests.helpers import only
+from tests.helpers import each, only
 
 RATE = 20.0
 NOISE = "WN(sigma2=1e-6) + GM(beta=0.01, sigma2=1e-9) + RW(gamma2=1e-14)"
@@ -28,9 +28,9 @@ def settling(samples, size, time):
     return size * np.exp(-np.arange(samples) / RATE / time)
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-@pytest.mark.parametrize("size", [3e-3, -3e-3])
-@pytest.mark.parametrize("time", [60.0, 200.0, 400.0])
+@each("scale", [1e-9, 1.0, 1e9])
+@each("size", [3e-3, -3e-3])
+@each("time", [60.0, 200.0, 400.0])
 def test_a_warm_up_is_told_with_its_size_and_length(time, size, scale):
     samples = 144_000  # two hours
     x = made(NOISE, samples, 4, settling(samples, size, time))["gyro_x"].values * scale

@@ -10,6 +10,7 @@ from gmwm.applications.navigation.api import budget
 from gmwm.calibration.rest import _limits, reach_of
 from gmwm.choosing.datasheets.bias_changes import BiasTerms, is_slow
 from gmwm.choosing.datasheets.limits import variance_limit
+from tests.helpers import each
 
 RATE, SAMPLES = 10.0, 20_000
 STRUCTURES = ("WN + GM", "GM + GM + WN", "WN + FN + RW", "WN + RW", "QN + WN + GM + RW")
@@ -29,7 +30,7 @@ def recording(seed):
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.base.errors.FitWarning")
-@pytest.mark.parametrize("seed", range(30))
+@each("seed", range(30))
 def test_no_number_exceeds_the_measured_curve(seed):
     fit = gmwm.fit(STRUCTURES[seed % len(STRUCTURES)], recording(seed))
     wv = fit.wavelet_variance

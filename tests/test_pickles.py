@@ -15,6 +15,7 @@ from gmwm.calibration.summary_text import summary
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
+from tests.helpers import each
 
 RATE = 100.0
 MODEL = "GM(beta=2.0, sigma2=0.5) + WN(sigma2=1.0)"
@@ -100,7 +101,7 @@ def test_a_result_comes_back_as_it_went(results, name, way):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_comparing_a_result_with_a_copy_raises_nothing(results, name):
     one = results[name]
     assert one == one

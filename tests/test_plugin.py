@@ -33,7 +33,7 @@ def shell(tmp_path_factory):
         assert done.returncode == status, done.stderr
         return done.stdout
 
-    run("simulate", "--model", MODEL, "--rate", 100, "--duration", "5min", "--output", "static.csv")
+    run("simulate", "--model", MODEL, "--rate", 20, "--duration", "5min", "--output", "static.csv")
     return run
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from tests.helpers import each
 
 ROOMS = {module.name for module in iter_modules(gmwm.__path__) if module.ispkg}
 PACKAGES = [f"gmwm.{name}" for name in gmwm._PACKAGES if name not in ("app", "errors", "options")]
@@ -36,7 +37,7 @@ def test_names_come_from_the_packages_that_type_checkers_see():
     assert seen == {name: gmwm._PACKAGES.get(home, f"gmwm.{home}") for name, home in homes.items()} | rooms
 
 
-@pytest.mark.parametrize("name", gmwm._PACKAGES)
+@each("name", gmwm._PACKAGES)
 def test_short_and_full_names_are_the_same_package(name):
     short, full = import_module(f"gmwm.{name}"), import_module(gmwm._PACKAGES[name])
     assert short is full
@@ -57,12 +58,12 @@ def test_help_lists_every_function_and_class():
         assert f"\n    {name}(" in functions or f"class {name}(" in functions or f"class {name}\n" in functions, name
 
 
-@pytest.mark.parametrize("name", [name for name in gmwm.__all__ if inspect.isfunction(getattr(gmwm, name))])
+@each("name", [name for name in gmwm.__all__ if inspect.isfunction(getattr(gmwm, name))])
 def test_the_first_words_of_help_name_every_function(name):
     assert f"`{name}`" in gmwm.__doc__
 
 
-@pytest.mark.parametrize("package", PACKAGES)
+@each("package", PACKAGES)
 def test_every_package_lists_its_names(package):
     module = import_module(package)
     assert module.__all__

@@ -9,7 +9,7 @@ from gmwm.base.remarks import Severity
 from gmwm.measuring.inspection import inspect
 from gmwm.recording.resolution import before_rounding, lsb
 from gmwm.recording.signals import Imu, Signal
-from tests.helpers import only
+from tests.helpers import each, only
 
 RATE = 100.0
 SAMPLES = 60_000
@@ -27,10 +27,8 @@ def recorded(ratio, offset, step, seed, wander=0.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("step", "offset", "wander"), [(1.0, 0.0, 0.0), (np.radians(0.05), 0.5, 2.0), (1 / 131, 0.3, 0.0)]
-)
-@pytest.mark.parametrize("ratio", [0.5, 1.5, 2.0, 2.5, 3.0, 4.0])
+@each(("step", "offset", "wander"), [(1.0, 0.0, 0.0), (np.radians(0.05), 0.5, 2.0), (1 / 131, 0.3, 0.0)])
+@each("ratio", [0.5, 1.5, 2.0, 2.5, 3.0, 4.0])
 def test_the_noise_before_rounding(step, offset, wander, ratio):
     axis = look(recorded(ratio, offset, step, 1, wander)).axes["gyro_x"]
     assert axis.lsb == pytest.approx(step, rel=1e-6)

@@ -11,7 +11,7 @@ from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.units import AXES, STANDARD_GRAVITY
 from gmwm.files.readers import read
 from gmwm.theory.simulation import models_by_axis, reference_imu, simulate, simulate_signal
-from tests.helpers import only, raises
+from tests.helpers import each, only, raises
 
 WHITE = "WN(sigma2=1e-6)"
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
@@ -245,7 +245,7 @@ def test_models_by_axis():
     assert str(chosen["accel_x"]) == "RW(gamma2=1.0)"
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "argument", "got"),
     [
         ({"models": {}}, "models", {}),

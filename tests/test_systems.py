@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from release import systems
 from release.systems import System
-from tests.helpers import tomllib
+from tests.helpers import each, tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -37,7 +37,7 @@ def test_names_of_systems_differ_and_each_can_be_chosen():
         systems.chosen(["g++-3"])
 
 
-@pytest.mark.parametrize("system", systems.SYSTEMS, ids=lambda system: system.name)
+@each("system", systems.SYSTEMS)
 def test_each_system_builds_in_a_folder_of_its_own_and_runs_tests(system):
     version, first, *_, last = system.commands()
     assert version[-1] == "--version"

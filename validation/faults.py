@@ -62,9 +62,22 @@ def filtered_coarse(n: int, rng: Rng) -> Array:
     return np.round(WHITE * noise / np.std(noise) / 8e-4) * 8e-4
 
 
+def averaged_tails(n: int, rng: Rng) -> Array:
+    """Noise of Student's t with three degrees of freedom behind an average of five samples."""
+    noise = np.convolve(rng.standard_t(3.0, size=n + 4) / np.sqrt(3), np.ones(5) / 5, "valid")
+    return WHITE * noise + np.cumsum(WALK * rng.normal(size=n))
+
+
+def two_lines(n: int, rng: Rng) -> Array:
+    """White noise, a walk, and two vibrations."""
+    time = np.arange(n) / RATE
+    lines = [rng.uniform(0.3, 2) * np.sin(2 * np.pi * rng.uniform(5, 45) * time + rng.uniform(0, 6)) for _ in range(2)]
+    return base(n, rng) + WHITE * (lines[0] + lines[1])
+
+
 CLEAN: dict[str, Callable[[int, Rng], Array]] = {
     "white": white, "base": base, "markov": markov, "flicker": flicker, "quantized": quantized, "filtered": filtered,
-    "filtered_coarse": filtered_coarse,
+    "filtered_coarse": filtered_coarse, "averaged_tails": averaged_tails, "two_lines": two_lines,
 }  # fmt: skip
 
 # --- faults ---------------------------------------------------------------------------------------------
@@ -278,6 +291,25 @@ def dithered(n: int, rng: Rng) -> Array:
     return base(n, rng) + 1000 * WHITE * np.sin(2 * np.pi * rng.uniform(0.3, 0.48) * np.arange(n) + 1)
 
 
+def pulses(shortest: int, longest: int, least: float, most: float, period: int) -> Callable[[int, Rng], Array]:
+    """Pulses of equal size and either sign, one in each period (samples)."""
+
+    def of(n: int, rng: Rng) -> Array:
+        x, size = base(n, rng), rng.uniform(least, most) * WHITE
+        for first in np.arange(0, n - period, period) + rng.integers(0, period - longest, size=n // period - 1):
+            x[first : first + int(rng.integers(shortest, longest + 1))] += size * rng.choice([-1, 1])
+        return x
+
+    return of
+
+
+def second_warm_up(n: int, rng: Rng) -> Array:
+    """The mean jumps and decays, as after a power cycle."""
+    since = np.arange(n) - n * rng.uniform(0.2, 0.7)
+    decay = np.where(since > 0, np.exp(-np.maximum(since, 0) / (RATE * rng.uniform(30, 200))), 0.0)
+    return base(n, rng) + rng.uniform(0.1, 0.5) * WHITE * rng.choice([-1, 1]) * decay
+
+
 FAULTS: dict[str, Callable[[int, Rng], Array]] = {
     "clipped": clipped, "clipped_both": clipped_both, "full_scale": full_scale, "held_2": held(2), "held_4": held(4),
     "held_10": held(10), "held_coarse": held_coarse, "polled": polled, "lost": lost, "asleep": asleep,
@@ -286,5 +318,6 @@ FAULTS: dict[str, Callable[[int, Rng], Array]] = {
     "interpolated": interpolated, "resampled": resampled, "low_passed": low_passed, "cic": cic,
     "cic_coarse": cic_coarse, "periodic": periodic, "student_3": student(3.0), "student_2.5": student(2.5),
     "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization, "telegraph": telegraph,
-    "moved_end": moved_end, "dithered": dithered,
+    "moved_end": moved_end, "dithered": dithered, "pulses": pulses(4, 10, 5, 10, 4000),
+    "states": pulses(20, 50, 3, 8, 1000), "second_warm_up": second_warm_up,
 }  # fmt: skip

@@ -39,7 +39,7 @@ DEVIATIONS = (2.0, 5.0, 10.0, 50.0)
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Share of false alarms for each model, rounding and length; share of spoilt recordings that are found."""
-    units = {10_000: 20} if reduced else {10_000: 100, 100_000: 30}
+    units = {10_000: 10} if reduced else {10_000: 100, 100_000: 30}
     truths = list(TRUTHS)[:2] if reduced else list(TRUTHS)
     steps = STEPS[::2] if reduced else STEPS
     rows = [

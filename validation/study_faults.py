@@ -6,13 +6,18 @@ ones of 32. Clean ones are inspected, and faulty ones are calibrated as a user d
 
 from __future__ import annotations
 
+import json
+import os
 import warnings
+from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import gmwm
 from gmwm.measuring.inspection import inspect
+from gmwm.measuring.outliers.cleaning import cleaned
 from gmwm.recording.signals import Imu, Signal
 from validation import faults
 from validation.legend import legend
@@ -20,6 +25,8 @@ from validation.legend import legend
 NAME = "faults"
 SEED = 20261128
 SAMPLES = 120_000
+RECORDINGS = 100
+"""Number of recordings of each kind."""
 N = faults.WHITE / np.sqrt(faults.RATE)
 
 NAMED: dict[str, str] = {
@@ -27,19 +34,21 @@ NAMED: dict[str, str] = {
     "held_2": "fault-undone:held", "held_4": "fault-undone:held", "held_10": "fault-undone:held",
     "held_coarse": "fault-undone:held", "polled": "fault-undone:held", "lost": "fault-undone:repeated",
     "asleep": "fault-undone:frozen", "dead_start": "fault-undone:dead", "jump": "fault-undone:jumps",
-    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps", "counter": "output-rounded:counter",
-    "counter_exact": "output-rounded:counter", "wrapped": "fault-undone:wrapped",
+    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps or level-steps:possible",
+    "counter": "output-rounded:counter", "counter_exact": "output-rounded:counter", "wrapped": "fault-undone:wrapped",
     "wrapped_rare": "fault-undone:wrapped", "interpolated": "fault-undone:interpolated", "periodic": "trend:swing",
     "student_3": "heavy-tails:fit", "student_2.5": "heavy-tails:fit", "cauchy": "samples-replaced:spikes",
     "outliers_in_quantization": "outliers-found:small", "telegraph": "heavy-tails:levels",
-    "moved_end": "recording-moved:moved", "cic": "fault-undone:filtered", "cic_coarse": "fault-undone:filtered",
-    "resampled": "fault-undone:resampled", "dithered": "lines:known",
+    "moved_end": "recording-moved:moved or samples-replaced:knocks",
+    "cic": "fault-undone:filtered", "cic_coarse": "fault-undone:filtered",
+    "resampled": "fault-undone:resampled", "dithered": "lines:known", "pulses": "samples-replaced:knocks",
+    "states": "samples-replaced:knocks", "second_warm_up": "level-steps:possible",
 }  # fmt: skip
 """The remark that names each fault."""
 TRUTH = dict.fromkeys(
     ("clipped", "clipped_both", "full_scale", "lost", "asleep", "dead_start", "jump", "jump_white", "jumps", "wrapped",
      "wrapped_rare", "interpolated", "periodic", "student_3", "student_2.5", "cauchy", "moved_end",
-     "dithered", "jumps_in_walk", "cic", "cic_coarse"), 1.0,
+     "dithered", "pulses", "states", "second_warm_up", "jumps_in_walk", "cic", "cic_coarse"), 1.0,
 ) | {"held_2": 2**0.5, "held_4": 2.0, "held_10": 10**0.5, "polled": 1.6**0.5, "resampled": 1.6**0.5} | {
     "outliers_in_quantization": 1.0884}  # fmt: skip
 """True N over that of the white noise at the rate of the log. For other kinds, N depends on the fault. Quantization
@@ -53,9 +62,12 @@ K = (
     | {"jumps_in_walk": 3 * faults.WALK * faults.RATE**0.5, "outliers_in_quantization": 2.79e-6}
 )
 """True K of the kinds whose N is known."""
-FALSE = (set(NAMED.values()) | {"level-steps:clear", "level-steps:possible"}) - {
+FALSE = (
+    {code for codes in NAMED.values() for code in codes.split(" or ")} | {"level-steps:clear", "level-steps:possible"}
+) - {
     "heavy-tails:fit",
     "samples-replaced:spikes",
+    "samples-replaced:knocks",
     "lines:known",
 }
 """Remarks that a clean recording should not have."""
@@ -64,14 +76,34 @@ Row = dict[str, Any]
 
 
 def run(reduced: bool = False) -> dict[str, Any]:
-    """Remarks on clean and faulty recordings, and N of the faulty ones."""
-    clean, faulty = (3, 1) if reduced else (30, 12)
+    """Remarks on clean and faulty recordings, and N of the faulty ones. The file that FAULTS_RECORDINGS names keeps the
+    finished recordings."""
+    count = 2 if reduced else RECORDINGS
     kinds = ("held_4", "jump_white") if reduced else tuple(faults.FAULTS)
+    store = Store()
     return {
-        "clean_recordings": clean, "recordings": faulty, "samples": SAMPLES, "rate": faults.RATE,
-        "clean": [_clean(number, kind, clean) for number, kind in enumerate(faults.CLEAN)],
-        "rows": [_faulty(number, kind, faulty) for number, kind in enumerate(kinds)],
+        "recordings": count, "samples": SAMPLES, "rate": faults.RATE,
+        "clean": [_clean(kind, [store.recording(kind, seed) for seed in range(count)]) for kind in faults.CLEAN],
+        "rows": [_faulty(kind, [store.recording(kind, seed) for seed in range(count)]) for kind in kinds],
     }  # fmt: skip
+
+
+class Store:
+    """The results of single recordings, which the file named by FAULTS_RECORDINGS keeps, if there is one."""
+
+    def __init__(self) -> None:
+        self._path = Path(os.environ.get("FAULTS_RECORDINGS", os.devnull))
+        lines = self._path.read_text().splitlines() if self._path.exists() else []
+        self._finished: dict[tuple[str, int], Row] = {(row["kind"], row["seed"]): row for row in map(json.loads, lines)}
+
+    def recording(self, kind: str, seed: int) -> Row:
+        """The result of one recording of a kind."""
+        if (kind, seed) not in self._finished:
+            row = {"kind": kind, "seed": seed} | _result(kind, seed)
+            with self._path.open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            self._finished[kind, seed] = row
+        return self._finished[kind, seed]
 
 
 def _imu(x: faults.Array) -> Imu:
@@ -82,48 +114,61 @@ def _codes(remarks: Any) -> set[str]:
     return {f"{remark.code}:{remark.facts['case']}" if "case" in remark.facts else remark.code for remark in remarks}
 
 
-def _clean(number: int, kind: str, count: int) -> Row:
-    """Share of clean recordings with any remark on a fault, and the remarks."""
-    found: list[set[str]] = []
-    for seed in range(count):
+def _result(kind: str, seed: int) -> Row:
+    """The remarks on one recording, and N and K of a faulty one: verdict, value, and ends of the interval."""
+    if kind in faults.CLEAN:
+        number = list(faults.CLEAN).index(kind)
         x = faults.CLEAN[kind](SAMPLES, np.random.default_rng((SEED, number, seed)))
-        found.append(FALSE & _codes(inspect(_imu(x)).remarks))
-    names = sorted(set().union(*found))
-    return {"kind": kind, "any": float(np.mean([bool(codes) for codes in found])), "remarks": names}
+        replaced = {"samples-replaced:knocks"} if len(cleaned(_imu(x)["gyro_x"]).knocks) else set()
+        return {"remarks": sorted(FALSE & _codes(inspect(_imu(x)).remarks) | replaced)}
+    x = faults.FAULTS[kind](SAMPLES, np.random.default_rng((SEED, 1000 + list(faults.FAULTS).index(kind), seed)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gmwm.errors.GmwmWarning)
+        try:
+            calibration = gmwm.calibrate(_imu(x))
+        except gmwm.errors.GmwmError:
+            return {"remarks": [], "N": None, "K": None}
+    entries, verdicts = calibration.datasheets["gyro_x"], calibration.number_verdicts["gyro_x"]
+    numbers = {
+        symbol: [verdicts[symbol].usability.value, entries[symbol].value, entries[symbol].low, entries[symbol].high]
+        for symbol in ("N", "K")
+    }
+    return {"remarks": sorted(_codes(calibration.remarks))} | numbers
 
 
-def _faulty(number: int, kind: str, count: int) -> Row:
+def _clean(kind: str, recordings: list[Row]) -> Row:
+    """Share of clean recordings with any remark on a fault, and the remarks."""
+    names = Counter(name for row in recordings for name in row["remarks"])
+    return {"kind": kind, "any": float(np.mean([bool(row["remarks"]) for row in recordings])), "remarks": dict(names)}
+
+
+def _covers(number: list[Any], truth: float) -> bool:
+    """Whether the interval of a number, or its bound, holds the truth; None has no end."""
+    usability, _, low, high = number
+    return bool(
+        (usability == "use as a bound" or (low or 0.0) <= truth) and truth <= (np.inf if high is None else high)
+    )
+
+
+def _faulty(kind: str, recordings: list[Row]) -> Row:
     """Share of faulty recordings whose fault is named, verdicts of N, and N over the truth where it can be used."""
-    named, uses, ratios, covered, held = [], [], [], [], []
-    truth = TRUTH.get(kind)
-    for seed in range(count):
-        x = faults.FAULTS[kind](SAMPLES, np.random.default_rng((SEED, 1000 + number, seed)))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", gmwm.errors.GmwmWarning)
-            try:
-                calibration = gmwm.calibrate(_imu(x))
-            except gmwm.errors.GmwmError:
-                named.append(False)
-                uses.append("do not use")
-                continue
-        named.append(NAMED.get(kind, "") in _codes(calibration.remarks))
-        entry, verdict = calibration.datasheets["gyro_x"]["N"], calibration.number_verdicts["gyro_x"]["N"]
-        uses.append(verdict.usability.value)
-        walk, use = calibration.datasheets["gyro_x"]["K"], calibration.number_verdicts["gyro_x"]["K"].usability.value
-        if kind in K:
-            inside = (walk.low or 0.0) <= K[kind] <= (np.inf if walk.high is None else walk.high)
-            held.append(
-                use == "do not use" or (K[kind] <= (walk.high or np.inf) if use == "use as a bound" else inside)
-            )
-        if truth is not None and verdict.usability.value != "do not use":
-            low = 0.0 if verdict.usability.value == "use as a bound" or entry.low is None else entry.low
-            ratios.append(entry.value / N / truth)
-            covered.append(low <= truth * N <= (np.inf if entry.high is None else entry.high))
+    names, truth = NAMED.get(kind, "").split(" or "), TRUTH.get(kind)
+    measured = [row for row in recordings if row["N"] is not None]
+    uses = [row["N"][0] for row in measured]
+    used = [row["N"] for row in measured if row["N"][0] != "do not use"] if truth is not None else []
+    ratios = [number[1] / N / (truth or 1.0) for number in used]
+    exact = [abs(ratio - 1) <= 0.02 for ratio, number in zip(ratios, used, strict=True) if number[0] == "use"]
+    held = [row["K"][0] == "do not use" or _covers(row["K"], K[kind]) for row in measured if kind in K]
+
+    def mean(values: list[bool]) -> float | None:
+        return float(np.mean(values)) if values else None
+
     return {
-        "kind": kind, "remark": NAMED.get(kind), "named": float(np.mean(named)) if kind in NAMED else None,
-        "use": uses.count("use") / count, "bound": uses.count("use as a bound") / count,
-        "n": float(np.median(ratios)) if ratios else None, "covered": float(np.mean(covered)) if covered else None,
-        "k": float(np.mean(held)) if held else None,
+        "kind": kind, "remark": NAMED.get(kind),
+        "named": mean([bool({*names} & {*row["remarks"]}) for row in recordings]) if kind in NAMED else None,
+        "use": uses.count("use") / len(recordings), "bound": uses.count("use as a bound") / len(recordings),
+        "n": float(np.median(ratios)) if ratios else None, "exact": mean(exact),
+        "covered": mean([_covers(number, (truth or 1.0) * N) for number in used]), "k": mean(held),
     }  # fmt: skip
 
 
@@ -134,23 +179,23 @@ def table(result: dict[str, Any]) -> str:
         return "" if value is None else f"{value:.0%}"
 
     lines = [
-        f"{result['recordings']} recordings with each fault and {result['clean_recordings']} clean ones of each kind "
-        f"are simulated in plain NumPy, with {result['samples']} samples at {result['rate']:g} Hz. The table shows how "
-        "often the remark names the fault, how often N can be used or is a bound, and the median of N over the truth "
-        "and the coverage of its 95 % interval in these recordings. The last column is the share of recordings in "
-        "which K is inside its interval or below its bound, or must not be used.",
+        f"{result['recordings']} recordings with each fault and as many clean ones of each kind are simulated in plain "
+        f"NumPy, with {result['samples']} samples at {result['rate']:g} Hz. The table shows how often the remark names "
+        "the fault, how often N can be used or is a bound, the median of N over the truth, how often N with the "
+        "verdict use is within 2 %, and the coverage of the 95 % intervals. The last column is the share of recordings "
+        "in which K is inside its interval or below its bound, or must not be used.",
         "",
-        "| fault | remark | named | N used | N bound | N / truth | covered | K right |",
-        "|---|---|---|---|---|---|---|---|",
+        "| fault | remark | named | N used | N bound | N / truth | within 2 % | covered | K right |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in result["rows"]:
         ratio = "" if row["n"] is None else f"{row['n']:.3f}"
-        remark = f"`{row['remark']}`" if row["remark"] else ""
+        remark = " or ".join(f"`{name}`" for name in (row["remark"] or "").split(" or ") if name)
         cells = (row["kind"].replace("_", " "), remark, share(row["named"]), share(row["use"]), share(row["bound"]))
-        lines.append(f"| {' | '.join((*cells, ratio, share(row['covered']), share(row['k'])))} |")
+        lines.append(f"| {' | '.join((*cells, ratio, share(row['exact']), share(row['covered']), share(row['k'])))} |")
     lines += ["", "| clean recordings | with a remark on a fault | remarks |", "|---|---|---|"]
     for row in result["clean"]:
-        names = ", ".join(f"`{name}`" for name in row["remarks"])
+        names = ", ".join(f"`{name}` ({count})" for name, count in row["remarks"].items())
         lines.append(f"| {row['kind'].replace('_', ' ')} | {row['any']:.1%} | {names} |")
     return "\n".join([*lines, "", *legend(
         {"named": "share of recordings with the remark", "N / truth": "median over recordings whose N is not refused"}

@@ -28,6 +28,7 @@ from gmwm.calibration.averaging import (
 )
 from gmwm.choosing.datasheets import Datasheet, Entry, datasheet
 from gmwm.fitting.estimation.intervals import with_quick_intervals
+from tests.helpers import each
 
 LEVEL = 0.95
 ONE = WeightedEstimate(weight=1.0, value=2.0, low=1.0, high=5.0)
@@ -35,10 +36,8 @@ OTHER = WeightedEstimate(weight=0.4, value=3.0, low=2.5, high=3.6)
 LIMIT = WeightedEstimate(weight=1.0, value=0.5, low=0.0, high=4.0, upper_only=True)
 
 
-@pytest.mark.parametrize("level", [0.5, 0.8, 0.95, 0.99])
-@pytest.mark.parametrize(
-    "one", [ONE, LIMIT, replace(ONE, high=math.inf), replace(LIMIT, high=math.inf), replace(ONE, low=0.0)]
-)
+@each("level", [0.5, 0.8, 0.95, 0.99])
+@each("one", [ONE, LIMIT, replace(ONE, high=math.inf), replace(LIMIT, high=math.inf), replace(ONE, low=0.0)])
 def test_the_average_of_one_model_is_its_own_interval(one, level):
     assert averaged_interval([one], level) == pytest.approx((one.low, one.high))
     assert averaged_interval([one, replace(one, weight=3.0)], level) == pytest.approx((one.low, one.high))

@@ -93,3 +93,24 @@ def test_a_coarse_output_is_not_a_usable_calibration():
 def test_a_model_without_such_numbers_has_its_terms_named():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "GM + WN")
     assert only(found.remarks, "warm-up:large").facts["numbers"]
+
+
+def test_parts_with_an_offset_of_20_sd_do_not_end_in_advice_that_does_not_fit():
+    """The full weights of a robust curve of such parts lead to a model without noise; see `_nearly_settled`."""
+    rng, samples = np.random.default_rng(6), 100_000
+    x, moved = rng.standard_normal(samples) * 1e-3, rng.random(samples) < 0
+    while moved.mean() < 0.2:
+        start = rng.integers(0, samples - 2500)
+        moved[start : start + 2500] = True
+    x[moved] += 2e-2
+    found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), within="WN + RW", robust=True)
+    assert code_of(found.verdict) == "verdict:unusable"
+    assert {"recording-moved", "no-test"} <= {remark.code for remark in found.remarks}
+
+
+@pytest.mark.parametrize("shape", ["decay", "sine"])
+def test_signals_without_noise_are_calibrated_and_not_to_be_used(shape):
+    t = np.arange(100_000) / 100.0
+    x = 1e-3 * (np.exp(-t / 100) if shape == "decay" else np.sin(2 * np.pi * t))
+    found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), within="WN + RW")
+    assert found.verdict.severity < gmwm.base.remarks.Severity.INFO

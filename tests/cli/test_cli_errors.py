@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from tests.helpers import each
+
 CASES = {
     "no such file": (["info", "{folder}/none.csv"], ["{folder}/none.csv"]),
     "a file whose name looks like an option": (["info", "rate=100/none.csv"], ["error: rate=100/none.csv "]),
@@ -129,8 +131,8 @@ def places(folder, recording, unlabelled, broken):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("json", [False, True], ids=["words", "json"])
-@pytest.mark.parametrize("case", CASES)
+@each("json", [False, True])
+@each("case", CASES)
 def test_one_readable_line(gmwm, places, case, json):
     arguments, facts = ([text.format(**places) for text in texts] for texts in CASES[case])
     outcome = gmwm(*arguments, *(["--json"] if json else []))

@@ -1,11 +1,10 @@
 """gmwm explain: what a message means and what to do."""
 
-import pytest
-
 from gmwm.base.remarks import messages
+from tests.helpers import each
 
 
-@pytest.mark.parametrize("code", messages())
+@each("code", messages())
 def test_every_message_is_explained(gmwm, code):
     outcome = gmwm("explain", code)
     assert outcome.code == 0

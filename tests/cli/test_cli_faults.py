@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -67,32 +66,44 @@ def test_a_wrong_backend_of_matplotlib_does_not_matter(recording, tmp_path):
     assert (code, "Traceback" in err, picture.exists()) == (0, False, True)
 
 
+STRUCK = """
+import os, {module}
+from gmwm.cli import start
+main, work = os.getpid(), {module}.{name}
+def strike(*given, **options):
+    os.kill(main, {number})  # of this process, also if a helper does the work
+    return work(*given, **options)
+{module}.{name} = strike
+start()
+"""
+
+
+def let_signals_in():
+    """Undo what a shell does for a command in the background."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "delays"),
-    [(signal.SIGTERM, (0.0, 1.0, 3.0)), (signal.SIGHUP, (1.0, 2.0)), (signal.SIGINT, (0.5,))],
+    ("number", "module", "name"),
+    [
+        (signal.SIGTERM, "gmwm.files.readers.api", "read_file"),
+        (signal.SIGINT, "gmwm.calibration.calibrate_recordings", "calibrate_axis"),
+        (signal.SIGTERM, "gmwm.showing.reports.write", "write_text"),
+        (signal.SIGINT, "os", "replace"),
+        (signal.SIGHUP, "os", "replace"),
+    ],
 )
-def test_a_signal_leaves_no_files(tmp_path, number, delays):
-    """Whenever it comes, from the simulation to the writing of the files."""
-
-    def let_signals_in():
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    for delay in delays:
-        process = subprocess.Popen(
-            [*COMMAND, "demo", "--output", str(tmp_path / "out")], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            preexec_fn=let_signals_in, env=os.environ | {"PYTHONUNBUFFERED": "1"},
-        )  # fmt: skip
-        assert process.stdout is not None
-        process.stdout.readline()
-        time.sleep(delay)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=60)
-        # A signal during the imports ends the process itself.
-        assert (process.returncode in (0, 128 + number, -number), err) in (
-            (True, b""), (True, b"interrupted\n"), (True, b"terminated\n"),
-        )  # fmt: skip
-    assert not list(tmp_path.rglob(".*"))
+def test_a_signal_leaves_no_files(recording, tmp_path, number, module, name):
+    """Whenever it comes, from the reading to the renaming of the files."""
+    script = STRUCK.format(module=module, name=name, number=int(number))
+    words = ["calibrate", recording, "--axis", "gyro", "--within", "WN + RW", "--output", tmp_path / "out"]
+    done = subprocess.run(
+        [sys.executable, "-c", script, *map(str, words)], capture_output=True, preexec_fn=let_signals_in, check=False
+    )
+    word = b"interrupted\n" if number == signal.SIGINT else b"terminated\n"
+    assert (done.returncode, done.stderr) == (128 + number, word)
+    assert list(tmp_path.glob("out/*")) == []
 
 
 BESIDE = """
@@ -111,10 +122,6 @@ start()
 @pytest.mark.parametrize("when", ["typer.main.get_command = strike", "atexit.register(strike)"])
 def test_a_signal_before_and_after_a_command_ends_the_process(number, when):
     """While the commands are built, and while the interpreter ends."""
-
-    def let_signals_in():
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
     done = subprocess.run(
         [sys.executable, "-c", BESIDE.format(number=int(number), when=when), "--version"],
         capture_output=True,

@@ -13,6 +13,7 @@ from typer.main import get_command
 import gmwm as library
 from gmwm.cli.main import NAMES, accept_all_characters, app
 from gmwm.theory.processes import registry
+from tests.helpers import each
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +62,7 @@ def test_help_of_a_command_fits_eighty_columns(command, gmwm, monkeypatch):
         assert example in [line.strip() for line in lines]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@each("command", COMMANDS)
 def test_help_texts_contain_no_markup(command):
     found = COMMANDS[command]
     texts = [found.help, found.epilog, *(parameter.help for parameter in found.params)]

@@ -8,6 +8,7 @@ import pytest
 
 from gmwm.cli.main import NAMES, schema
 from gmwm.cli.main import SCHEMAS as FILE
+from tests.helpers import each
 from tests.json_outputs import Shape
 
 SCHEMAS = json.loads(FILE.read_text(encoding="utf-8"))
@@ -19,7 +20,8 @@ def test_every_command_has_a_schema():
     assert set(NAMES) - WITHOUT == {name for name in SCHEMAS if not name.endswith("-event")}
 
 
-@pytest.mark.parametrize("name", ["calibration.json", "session.json", *SCHEMAS])
+@pytest.mark.slow
+@each("name", ["calibration.json", "session.json", *SCHEMAS])
 def test_the_schema_is_one_and_is_printed(gmwm, name):
     jsonschema.Draft202012Validator.check_schema(schema(name))
     assert json.loads(gmwm("--schema", name).out) == schema(name)

@@ -65,6 +65,28 @@ def test_the_shell_prints_a_rate_per_year_and_a_step_in_a_gap(gmwm, series):
     assert "step:2000d" in joined.out
 
 
+def test_a_table_of_dates_needs_the_name_and_the_unit_of_its_height(gmwm, tmp_path):
+    values, present = _series(3)
+    days = np.datetime64("2014-01-01") + np.flatnonzero(present)
+    path = tmp_path / "heights.csv"
+    path.write_text(
+        "when,h0\n" + "".join(f"{day},{value:.2f}\n" for day, value in zip(days, values[present], strict=True))
+    )
+    assert "--columns time,up" in gmwm("fit", path, "-m", "WN").err
+    reading = ("--columns", "time,up")
+    assert "--units position=mm" in gmwm("fit", path, *reading, "-m", "WN").err
+    reading += ("--units", "position=mm")
+    fit = gmwm("fit", path, *reading, "-m", "WN + FN", "--against", "time + season:1y + step:2019-06-24", "--json")
+    coefficients = fit.json["axes"]["up"]["wavelet_variance"]["regression"]["coefficients"]
+    assert coefficients["time"]["unit"] == "m/yr"
+    assert [entry["value"] for entry in coefficients.values()] == pytest.approx(
+        [v / 1e3 for v in TRUTH.values()], abs=3e-3
+    )
+    assert "m²" in gmwm("fit", path, *reading, "-m", "WN").out
+    for command in ("info", "wv", "allan", "psd", "select", "calibrate"):
+        assert gmwm(command, path, *reading).code == 0
+
+
 @pytest.mark.parametrize("command", ["info", "select"])
 def test_other_commands_take_them_too(gmwm, series, command):
     within = ("--within", "WN + FN") if command == "select" else ()

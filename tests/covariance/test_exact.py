@@ -10,7 +10,7 @@ import pytest
 import gmwm
 from gmwm import AR1, DR, FN, GM, QN, RW, WN
 from gmwm.measuring.covariance import nodes, wavelet_covariance
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 _spec = importlib.util.spec_from_file_location(
     "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
@@ -53,8 +53,8 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [64, 333])
-@pytest.mark.parametrize("name", CASES)
+@each("samples", [64, 333])
+@each("name", CASES)
 def test_against_the_definition(name, samples):
     model, parts, *rest = CASES[name]
     expected = oracle.wavelet_covariance(parts, samples.bit_length() - 1, samples, *rest)

@@ -14,6 +14,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import Parameter, Process
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Value
+from tests.helpers import each
 
 RATE = 100.0
 MODELS = {
@@ -85,8 +86,8 @@ def assert_close(found, expected, tolerance):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize(
+@each("name", MODELS)
+@each(
     ("filter", "transform"),
     [("haar", "dwt"), ("d4", "modwt"), ("d4", "dwt"), ("la8", "modwt"), ("bl14", "dwt"), ("fk4", "modwt")],
 )

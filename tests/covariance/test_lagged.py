@@ -10,6 +10,7 @@ from gmwm.processes import Model
 
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.measuring.variance.api import variances_alone
+from tests.helpers import each
 
 FILTER = find_filter("haar + lags:1,3,4")
 LENGTHS = ((40,), (23, 3, 17, 6))
@@ -37,8 +38,8 @@ def coefficient_rows(level: int, samples: int) -> np.ndarray:
     return rows
 
 
-@pytest.mark.parametrize("lengths", LENGTHS, ids=("whole", "gaps"))
-@pytest.mark.parametrize("text", MODELS)
+@each("lengths", LENGTHS)
+@each("text", MODELS)
 def test_the_covariance_is_that_of_quadratic_forms(text, lengths):
     model = Model.parse(text)
     levels = FILTER.numbers(max(lengths).bit_length() - 1)

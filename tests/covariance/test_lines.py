@@ -12,7 +12,7 @@ from gmwm.measuring.variance.transform import deepest_level
 from gmwm.measuring.variance.transform import variances as measured
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import SIN, Model
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RATE = 100.0
 
@@ -72,8 +72,8 @@ MODELS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize(("filter", "transform"), [("haar", "modwt"), ("haar", "dwt"), ("d4", "modwt"), ("la8", "dwt")])
+@each("name", MODELS)
+@each(("filter", "transform"), [("haar", "modwt"), ("haar", "dwt"), ("d4", "modwt"), ("la8", "dwt")])
 def test_against_matrices(name, filter, transform):
     model, at = MODELS[name], design(130, filter, transform)
     noise, waves = lines.apart(model, at)

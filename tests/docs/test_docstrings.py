@@ -6,9 +6,8 @@ import re
 from functools import cached_property
 from importlib import import_module
 
-import pytest
-
 from tests.docs.pages import DOCS
+from tests.helpers import each
 
 ENTRY = re.compile(r"^\.\. auto(?:function|class):: (gmwm\.\S+)\n((?:   :.*\n)*)", re.MULTILINE)
 NO_EXAMPLE = {
@@ -101,12 +100,12 @@ def test_parameters_and_fields_that_nobody_tells_of_are_found():
     assert listed("What.\n\nAttributes\n----------\na, b : int\n    One c : of them.\n") == {"a", "b"}
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@each("name", FUNCTIONS)
 def test_every_parameter_of_a_function_is_told_of(name):
     assert untold(FUNCTIONS[name], inspect.getdoc(FUNCTIONS[name]) or "") == []
 
 
-@pytest.mark.parametrize("name", [name for name in CLASSES if API[name][1]])
+@each("name", [name for name in CLASSES if API[name][1]])
 def test_every_parameter_of_a_method_is_told_of(name):
     around = inspect.getdoc(CLASSES[name]) or ""
     silent = {}
@@ -118,7 +117,7 @@ def test_every_parameter_of_a_method_is_told_of(name):
     assert {method: names for method, names in silent.items() if names} == {}
 
 
-@pytest.mark.parametrize("name", [name for name in CLASSES if dataclasses.is_dataclass(CLASSES[name])])
+@each("name", [name for name in CLASSES if dataclasses.is_dataclass(CLASSES[name])])
 def test_every_field_of_a_class_is_told_of(name):
     fields = {field.name for field in dataclasses.fields(CLASSES[name]) if field.name[0] != "_"}
     assert fields - listed(inspect.getdoc(CLASSES[name]) or "") == set()
@@ -128,7 +127,7 @@ SHORT_WORDS = ("gmwm.units.", "gmwm.readers.")
 """Packages whose functions take one or two plain arguments."""
 
 
-@pytest.mark.parametrize("name", [name for name in FUNCTIONS if not name.startswith(SHORT_WORDS)])
+@each("name", [name for name in FUNCTIONS if not name.startswith(SHORT_WORDS)])
 def test_a_function_of_the_package_shows_an_example_and_says_what_it_raises(name):
     words, short = inspect.getdoc(FUNCTIONS[name]) or "", name.rpartition(".")[2]
     parameters = inspect.signature(FUNCTIONS[name]).parameters
@@ -138,6 +137,6 @@ def test_a_function_of_the_package_shows_an_example_and_says_what_it_raises(name
     assert ("Returns\n-------" in words) or len(parameters) < 3
 
 
-@pytest.mark.parametrize("name", [name for name, (thing, shown) in API.items() if inspect.isclass(thing) and not shown])
+@each("name", [name for name, (thing, shown) in API.items() if inspect.isclass(thing) and not shown])
 def test_a_process_shows_an_example(name):
     assert ">>> " in (inspect.getdoc(CLASSES[name]) or "")

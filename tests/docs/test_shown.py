@@ -3,6 +3,7 @@
 import pytest
 
 from tests.docs.shown import missing
+from tests.helpers import each
 
 PRINTED = """Calibration of static.csv
 
@@ -62,7 +63,7 @@ def test_what_was_printed_is_not_missing(name):
     assert missing(SAME[name], PRINTED) == ""
 
 
-@pytest.mark.parametrize("name", WRONG)
+@each("name", WRONG)
 def test_what_was_not_printed_is_missing(name):
     assert missing(WRONG[name], PRINTED).startswith("shown   |")
 

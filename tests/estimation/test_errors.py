@@ -6,13 +6,13 @@ import pytest
 import gmwm
 from gmwm import DR, GM, WN, WaveletVariance, fixed
 from gmwm.base.errors import FitWarning
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 X = np.random.default_rng(1).normal(size=1000)
 WV = gmwm.wavelet_variance(X, 100.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("model", "data", "options", "error", "facts"),
     [
         (

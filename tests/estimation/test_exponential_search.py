@@ -14,6 +14,7 @@ from gmwm.fitting.estimation.exponential_search import ExponentialSearch, search
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.weighting import weighting_matrix
 from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, exponential_sum
+from tests.helpers import each
 from tests.oracles import exponential as twin
 
 RATE = 100.0
@@ -89,7 +90,7 @@ CASES = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "weighting", "name"), CASES)
+@each(("model", "weighting", "name"), CASES)
 def test_both_paths_reach_the_same_optimum(model, weighting, name):
     wv, terms = CURVES[name], MODELS[model]
     weighting = weighting_matrix("diagonal", wv) if weighting == "of the data" else weighting

@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm import Fit, WaveletVariance
 from gmwm.base.errors import ReadError
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 MODELS = {
     "GM + WN + RW": "GM(beta=0.5, sigma2=2e-7) + WN(sigma2=4e-6) + RW(gamma2=1e-10)",
@@ -127,8 +127,8 @@ def test_a_curve_has_one_number_for_each_level(fits, name, change):
         Fit.from_dict({**values, "wavelet_variance": {**curve, name: change(curve[name])}})
 
 
-@pytest.mark.parametrize("number", [1e308, -1e200, 10**400])
-@pytest.mark.parametrize("name", ["model_error", "rate", "variance", "samples", "filled", "rise"])
+@each("number", [1e308, -1e200, 10**400])
+@each("name", ["model_error", "rate", "variance", "samples", "filled", "rise"])
 def test_a_number_whose_square_overflows_is_refused(fits, name, number):
     values = fits["GM + WN + RW"].to_dict()
     curve = values["wavelet_variance"]
@@ -160,7 +160,7 @@ ABSURD = {
 }
 
 
-@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in ABSURD.items() for value in values])
+@each(("name", "value"), [(name, value) for name, values in ABSURD.items() for value in values])
 def test_a_curve_that_no_recording_has_is_refused(fits, name, value):
     values = fits["GM + WN + RW"].to_dict()
     curve = values["wavelet_variance"]

@@ -9,15 +9,16 @@ from gmwm.measuring.variance import WaveletVariance, wavelet_variance
 from gmwm.measuring.variance.transform import dwt, modwt
 from gmwm.theory.filters import FILTERS, find_filter
 from gmwm.theory.processes import DR, GM, QN, RW, WN
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RATE = 100.0
 TRUTH = GM(beta=0.5, sigma2=2e-6) + WN(sigma2=4e-6) + RW(gamma2=1e-11) + QN(q2=3e-6)
-every_filter = pytest.mark.parametrize("name", FILTERS)
+every_filter = each("name", FILTERS)
 transforms = pytest.mark.parametrize("transform", ["modwt", "dwt"])
+loop_over_transforms = each("transform", ["modwt", "dwt"])
 
 
-@transforms
+@loop_over_transforms
 @every_filter
 def test_the_estimate_is_the_mean_square_of_the_interior(name, transform):
     x = np.random.default_rng(4).normal(size=777).cumsum() + 9.8
@@ -121,7 +122,7 @@ def test_bad_options_are_named():
         wavelet_variance([*x, np.nan], RATE, filter="d4")
 
 
-@transforms
+@loop_over_transforms
 @every_filter
 def test_scaling_by_a_power_of_two_is_exact_and_a_constant_is_zero(name, transform):
     x = np.random.default_rng(2).normal(size=300)

@@ -5,6 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, Model, WaveletVariance
+from tests.helpers import each
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 RATE = 100.0
@@ -22,9 +23,9 @@ def rounded(curve, rng):
     return curve * (1 + EPS * rng.integers(-2, 3, curve.size))
 
 
-@pytest.mark.parametrize("weighting", ["diagonal", "optimal"])
-@pytest.mark.parametrize(("samples", "levels"), [(2**18, 16), (2**24, 22)])
-@pytest.mark.parametrize("model", TRUTHS)
+@each("weighting", ["diagonal", "optimal"])
+@each(("samples", "levels"), [(2**18, 16), (2**24, 22)])
+@each("model", TRUTHS)
 def test_what_a_term_acts_as_does_not_depend_on_the_last_place(model, samples, levels, weighting):
     truth, acts_as = TRUTHS[model]
     curve, rng = Model.parse(truth).wavelet_variance(levels, RATE), np.random.default_rng(1)

@@ -14,7 +14,7 @@ from gmwm.base.remarks import Quantity
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.showing.exporters import export_formats
 from gmwm.theory.processes import Model
-from tests.helpers import code_of, only, raises
+from tests.helpers import code_of, each, only, raises
 
 from .conftest import RATE, SAMPLES, TRUTHS, as_golden, calibrated, remarks_in, words
 from .consumers import BIASES, CONSUMERS, MARKOV, PER_AXIS, yaml
@@ -50,8 +50,8 @@ def test_every_format_has_a_consumer_here():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", ["worst", "mean", "each"])
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("rule", ["worst", "mean", "each"])
+@each("format", CONSUMERS)
 def test_consumers_read_n_and_k_back(unit, format, rule):
     name, calibration = unit
     if rule == "each" and format not in PER_AXIS:
@@ -74,7 +74,7 @@ def test_consumers_read_n_and_k_back(unit, format, rule):
     assert ("UPPER LIMIT" in text) == (name == "no-walk")
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_inflation_scales_n_and_k(units, format):
     calibration = units["quantized"]
     plain = CONSUMERS[format](calibration.export(format=format))
@@ -112,7 +112,7 @@ def test_worst_is_the_largest_n_and_the_largest_k(units):
     assert CONSUMERS["kalibr"](text)["gyro"][1][0] == pytest.approx(limit, rel=1e-6)
 
 
-@pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(MARKOV)))
+@each("format", sorted(set(CONSUMERS) - set(MARKOV)))
 def test_the_file_has_the_numbers_of_the_table(units, format):
     axes = "each" if format in PER_AXIS else "worst"
     for calibration in units.values():
@@ -125,7 +125,7 @@ def test_the_file_has_the_numbers_of_the_table(units, format):
                     assert found == pytest.approx(values if axes == "each" else [max(values)] * 3, rel=2e-6)
 
 
-@pytest.mark.parametrize("format", sorted(CONSUMERS))
+@each("format", sorted(CONSUMERS))
 def test_a_file_begins_with_its_verdict_and_has_few_comments(units, format):
     for calibration in units.values():
         text = calibration.export(format=format)
@@ -250,7 +250,7 @@ def test_ros_covariances_are_the_variances_of_samples(unit, rule):
         assert np.count_nonzero(matrix) == 3
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_the_head_says_what_the_numbers_are(units, format):
     text = units["no-walk"].export(format=format)
     head = words(text)
@@ -271,8 +271,8 @@ def test_the_head_says_what_the_numbers_are(units, format):
     assert max(map(len, text.splitlines())) <= 130
 
 
-@pytest.mark.parametrize("format", sorted({*CONSUMERS, "autoware", "ros", "csv", "latex"}))
-@pytest.mark.parametrize("name", TRUTHS)
+@each("format", sorted({*CONSUMERS, "autoware", "ros", "csv", "latex"}))
+@each("name", TRUTHS)
 def test_files_are_as_they_were(units, name, format):
     """Texts to the letter, numbers to 1e-5; `python -m tests.exporters.make_golden` writes them anew."""
     text = as_golden(units[name], format)

@@ -15,7 +15,7 @@ from gmwm.calibration.misfit import misfit_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.base import find_exporter
-from tests.helpers import code_of, only
+from tests.helpers import code_of, each, only
 
 from .conftest import TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, MARKOV, PER_AXIS
@@ -30,7 +30,7 @@ def bad():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format", sorted(set(export_formats()) - {"dlio"}))
+@each("format", sorted(set(export_formats()) - {"dlio"}))
 def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
     found = [remark for remark in remarks_in(bad, format) if remark.severity is Severity.UNUSABLE]
     assert [(code_of(remark), remark.subject) for remark in found] == [
@@ -97,7 +97,7 @@ def among(remarks):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_a_limit_among_measured_values_names_its_axis(mixed, format):
     text = mixed.export(format=format, axes="worst")
     limit = float(mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2])
@@ -117,7 +117,7 @@ def test_the_values_in_remarks_are_not_inflated(mixed):
     assert remarks_in(mixed, "kalibr", inflation=1.0) == remarks_in(mixed, "kalibr", inflation=10.0)
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_a_mean_with_a_limit_names_the_axes(mixed, format):
     found = remarks_in(mixed, format, axes="mean")
     kinds = {number: [one[:2] for one in axes] for number, axes in among(found).items()}

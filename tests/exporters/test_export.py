@@ -14,7 +14,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.calibration.recording_info import Recording
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.text import plain, unended
-from tests.helpers import code_of, only, raises, warns
+from tests.helpers import code_of, each, only, raises, warns
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS, yaml
@@ -124,7 +124,7 @@ def _body(text):
     return [line for line in text.splitlines() if line and not line.lstrip().startswith(("#", "//", "%", ";"))]
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_texts_from_elsewhere_stay_in_the_head(units, format):
     calibration = units["quantized"]
     text = replace(calibration, source=HOSTILE).export(format=format)
@@ -138,7 +138,7 @@ def test_texts_from_elsewhere_stay_in_the_head(units, format):
     assert not any(line.endswith("\\") for line in text.splitlines())
 
 
-@pytest.mark.parametrize("format", sorted(CONSUMERS))
+@each("format", sorted(CONSUMERS))
 def test_files_name_a_recording_without_its_folders(units, format):
     """A file that is handed on shows the name and the SHA-256 of a recording, and not where it was stored."""
     unit = units["quantized"]

@@ -7,7 +7,7 @@ import pytest
 
 from gmwm import Model
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
-from tests.helpers import code_of
+from tests.helpers import code_of, each
 
 from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS, MARKOV
@@ -38,7 +38,7 @@ def lines():
     return calibrated(truths, "2*SIN + WN + RW")
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_a_slow_term_is_never_lost(slow, format):
     text = slow.export(format=format)
     for sensor, (s2, _) in list(SLOW.items())[format == "glim" :]:  # GLIM has one number for both sensors
@@ -48,7 +48,7 @@ def test_a_slow_term_is_never_lost(slow, format):
     assert not {remark.code for remark in remarks_in(slow, format)} - {"bias-not-known"}
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+@each("format", CONSUMERS)
 def test_lines_are_named_and_their_error_is_counted(lines, format):
     text = lines.export(format=format)
     white, walk = CONSUMERS[format](text)["gyro"]

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from gmwm.recording.gaps import drawn
+from tests.helpers import each
 
 N = 1 << 15
 
@@ -54,8 +55,8 @@ def curve(x, levels):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "burst"), [(0.005, 1), (0.1, 1), (0.03, 8), (0.03, 100)])
-@pytest.mark.parametrize("name", SIGNALS)
+@each(("share", "burst"), [(0.005, 1), (0.1, 1), (0.03, 8), (0.03, 100)])
+@each("name", SIGNALS)
 def test_the_wavelet_variance_is_unbiased_at_all_scales(name, share, burst):
     levels, ratios = 10, []
     for seed in range(16):

@@ -7,7 +7,7 @@ import pytest
 from gmwm.base.errors import GmwmError, OptionError, UnitError
 from gmwm.files.importers import given_noise
 from gmwm.theory.processes import Model
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 DEG = math.pi / 180
 
@@ -37,7 +37,7 @@ def test_a_model_with_values():
     assert set(found.values) == {"accel_x", "accel_y", "accel_z"}
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "error", "argument"),
     [
         ("gyro: N=0.15", UnitError, "source"),

@@ -19,7 +19,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Parameter
 from gmwm.theory.statespace import StateSpace
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 SUM = "WN(sigma2=1.0) + GM(beta=0.5, sigma2=2.0) + RW(gamma2=0.01) + QN(q2=3.0) + DR(omega=0.001)"
 
@@ -104,8 +104,8 @@ def test_scales_with_the_model(power):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"filter": find_filter("la8")}, {"transform": "dwt"}], ids=str)
-@pytest.mark.parametrize(
+@each("options", [{}, {"filter": find_filter("la8")}, {"transform": "dwt"}])
+@each(
     "text",
     ["WN(sigma2=2.0)", "QN(q2=3.0)", "RW(gamma2=0.5)", "GM(beta=0.3, sigma2=2.0)", "AR1(phi=-0.7, sigma2=1.0)", SUM],
 )

@@ -6,6 +6,7 @@ import pytest
 from gmwm.applications.several.conic import Cone, least_squares
 from gmwm.applications.several.matrices import entries
 from gmwm.base import _core
+from tests.helpers import each
 
 
 def problem(seed, d=None):
@@ -73,7 +74,7 @@ def reference(design, target, cone):
     return float(np.sum((unit @ s - y) ** 2)) * float(target @ target)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@each("seed", range(50))
 def test_the_optimum_is_that_of_another_solver(seed):
     design, target, cone = problem(seed)
     found = least_squares(design, target, cone, gap=1e-9)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from tests.helpers import each
 
 SIZE, RATE = 12_000, 100.0
 Samples = np.ndarray
@@ -75,8 +76,8 @@ def clean() -> tuple[dict[str, Samples], dict[str, object]]:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.base.errors.GmwmWarning")
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("axis", ["gyro_y", "accel_z"])
+@each("fault", FAULTS)
+@each("axis", ["gyro_y", "accel_z"])
 def test_a_fault_of_one_axis_changes_no_number_of_another(clean: object, fault: str, axis: str) -> None:
     arrays, numbers = clean  # type: ignore[misc]
     faulty = _numbers({**arrays, axis: FAULTS[fault](arrays[axis])})

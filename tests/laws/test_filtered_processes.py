@@ -13,13 +13,13 @@ from gmwm.base.errors import MissingTheoryError
 from gmwm.measuring.variance.transform import variances
 from gmwm.theory.filters import FILTERS, HAAR, find_filter
 from gmwm.theory.processes import AR1, DR, GM, RW, WN, Process, every_class
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "filters.py")))
 RATE = 250.0
 CLASSES = every_class()
-every_filter = pytest.mark.parametrize("name", FILTERS)
-every_process = pytest.mark.parametrize("process", CLASSES.values(), ids=CLASSES.keys())
+every_filter = each("name", FILTERS)
+every_process = each("process", CLASSES.values())
 curved = [p for p in CLASSES.values() if len(p.nonlinear_parameters()) == 1]
 # Of a line the squared gain swings within a hundredth of its frequency; what it gives has mpmath to answer to.
 smooth = [p for p in curved if p.line is Process.line]
@@ -79,7 +79,7 @@ def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("process", smooth, ids=[p.name for p in smooth])
+@each("process", smooth)
 @every_filter
 def test_jacobian_agrees_with_differences(process, name):
     f, table = find_filter(name), rows(process, (1e-3, 0.03, 0.5, 4.0))

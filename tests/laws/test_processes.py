@@ -17,7 +17,7 @@ from scipy.linalg import toeplitz
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.theory.processes import Process, every_class, ordered_classes, registry
 from gmwm.theory.processes.exponential_sum import lag_sums
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 TESTS = Path(__file__).parents[1]
 oracle = SimpleNamespace(**runpy.run_path(str(TESTS / "oracles" / "processes.py")))
@@ -25,6 +25,7 @@ fixed_profile = settings(derandomize=True, deadline=None, max_examples=25, datab
 
 CLASSES = every_class()
 every_process = pytest.mark.parametrize("process", CLASSES.values(), ids=CLASSES.keys())
+loop_over_process = each("process", CLASSES.values())
 curved = [p for p in CLASSES.values() if p.nonlinear_parameters()]
 every_curved = pytest.mark.parametrize("process", curved, ids=[p.name for p in curved])
 searched = [p for p in curved if p.search(1000, 1.0)]
@@ -87,7 +88,7 @@ def nonlinear_grid(process):
 # --- accuracy -----------------------------------------------------------------------------------------
 
 
-@every_process
+@loop_over_process
 def test_a_shape_in_closed_form_has_fifty_digit_arithmetic_to_answer_to(process):
     if process.shape.__func__ is not Process.shape.__func__:
         assert process.name in oracle.SHAPES
@@ -124,7 +125,7 @@ def deepest(process, level):
 
 
 @pytest.mark.slow
-@every_process
+@loop_over_process
 def test_shape_takes_many_rows_at_once_and_raises_no_warning_at_the_extremes(process):
     rows = np.repeat(nonlinear_grid(process), 2, axis=0)
     with np.errstate(all="raise", under="ignore"):
@@ -253,7 +254,7 @@ def test_jacobian_given_agrees_with_differences(process):
     assert np.all(np.abs(given_ - derived) <= 1e-8 * (size + np.abs(given_)))
 
 
-@every_process
+@loop_over_process
 def test_shape_given_agrees_with_the_default(process):
     rows = np.array([one.nonlinear for one in examples(process, slowest=1e-2)])
     derived = Process.shape.__func__(process, rows, LEVELS, RATE)
@@ -331,7 +332,7 @@ def test_simulated_paths_have_the_wavelet_variance(process, how):
 
 
 @pytest.mark.slow
-@every_process
+@loop_over_process
 def test_simulation_starts_stationary_and_is_reproducible(process):
     for one in examples(process, count=3, slowest=1e-4):
         paths = one.simulate(3, RATE, 11, paths=4000)
@@ -343,7 +344,7 @@ def test_simulation_starts_stationary_and_is_reproducible(process):
             assert np.all(np.abs(np.mean(paths**2, axis=0) - variance) <= 4 * error)
 
 
-@every_process
+@loop_over_process
 def test_bad_arguments_are_named(process):
     one = examples(process, count=1)[0]
     for arguments, name in [
@@ -361,7 +362,7 @@ def test_bad_arguments_are_named(process):
 # --- what a process says about itself -----------------------------------------------------------------
 
 
-@every_process
+@loop_over_process
 def test_a_process_has_the_theory_it_declares(process):
     one = examples(process, count=1)[0]
     if "alpha" in one.values:  # power-law noise has a state space for exponents from 0 to 2 only
@@ -385,7 +386,7 @@ def test_a_process_has_the_theory_it_declares(process):
         process.has("magic")
 
 
-@every_process
+@loop_over_process
 def test_declared_parameters_are_the_fields(process):
     assert [p.name for p in process.parameters] == [f.name for f in fields(process)]
     assert process.__doc__
@@ -394,7 +395,7 @@ def test_declared_parameters_are_the_fields(process):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*registry, *ordered_classes])
+@each("name", [*registry, *ordered_classes])
 def test_each_name_is_written_once_on_the_model_side(name):
     """The name in its own class is the only place in code that knows the process."""
     sources = Path(inspect.getfile(Process)).parent.glob("*.py")

@@ -12,7 +12,7 @@ from gmwm.base.errors import DataError, FitWarning, MissingTheoryError, ModelErr
 from gmwm.fitting.likelihood import LikelihoodFit
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.recording.signals import Signal
-from tests.helpers import only, raises
+from tests.helpers import each, only, raises
 from validation.likelihood import fisher_errors, most_likely
 
 RATE = 100.0
@@ -44,8 +44,8 @@ def top(found, x):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gaps", [False, True])
-@pytest.mark.parametrize("text", TRUTHS)
+@each("gaps", [False, True])
+@each("text", TRUTHS)
 def test_a_fit_is_at_the_top_of_its_likelihood(text, gaps):
     model, x = drawn(text)
     if gaps:
@@ -320,7 +320,7 @@ def good():
     return Model.parse("WN(sigma2=1.0)").simulate(100, RATE, rng=1)
 
 
-@pytest.mark.parametrize(
+@each(
     ("model", "data", "options", "error", "facts"),
     [
         ("WN", np.full(100, np.inf), {}, DataError, ("100 infinite", "index 0")),
@@ -328,7 +328,6 @@ def good():
         ("WN", np.full(100, 3.0), {}, ModelError, ("constant",)),
         ("WN", good()[:7], {}, DataError, (8, 7)),
         ("WN", good().reshape(10, 10), {}, DataError, ("data", "(10, 10)")),
-        ("WN", good(), {"rate": None}, OptionError, ("rate",)),
         ("WN", good(), {"rate": -1.0}, OptionError, ("rate",)),
         ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, ("rate", 100, 50.0)),
         ("WN", good(), {"mean": "none"}, OptionError, ("mean", "finite", "'none'")),

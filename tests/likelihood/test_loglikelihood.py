@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError, MissingTheoryError
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import assemble, require_state
 from gmwm.theory.processes import every_class
-from tests.helpers import raises
+from tests.helpers import each, raises
 from validation.likelihood import concentrated
 
 ORACLES = Path(__file__).parents[1] / "oracles"
@@ -75,9 +75,9 @@ def record(model, missing, samples=120, seed=1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
-@pytest.mark.parametrize("mean", [None, 0.3])
-@pytest.mark.parametrize("text", [*STATIONARY, *WANDERING])
+@each("missing", MISSING.values())
+@each("mean", [None, 0.3])
+@each("text", [*STATIONARY, *WANDERING])
 def test_it_is_that_of_the_multivariate_normal(text, mean, missing):
     model = parsed(text)
     held = Model.parse(text.replace("omega=0.1", "omega=fixed(0.1)")) if "DR" in text else model
@@ -86,9 +86,9 @@ def test_it_is_that_of_the_multivariate_normal(text, mean, missing):
     assert model.loglikelihood(x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
 
 
-@pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
-@pytest.mark.parametrize("mean", [None, 0.3])
-@pytest.mark.parametrize("text", [t for t in WANDERING if "DR" in t])
+@each("missing", MISSING.values())
+@each("mean", [None, 0.3])
+@each("text", [t for t in WANDERING if "DR" in t])
 def test_a_free_slope_of_a_drift_is_at_its_best(text, mean, missing):
     model = Model.parse(text)
     x = record(model, missing)
@@ -158,9 +158,9 @@ def statsmodels(model, x, mean):
     return float(kalman.loglike())
 
 
-@pytest.mark.parametrize("gaps", [False, True])
-@pytest.mark.parametrize("mean", [None, 0.3])
-@pytest.mark.parametrize(
+@each("gaps", [False, True])
+@each("mean", [None, 0.3])
+@each(
     "text",
     [
         "GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0)",
@@ -189,8 +189,8 @@ def test_it_is_that_of_the_yardstick_of_the_studies(decay):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("interruptions", [0, 29, 4000])
-@pytest.mark.parametrize(
+@each("interruptions", [0, 29, 4000])
+@each(
     "text",
     [
         "WN(sigma2=2.0)",
@@ -234,7 +234,7 @@ def textbook(system, series):
     return logs, sums
 
 
-@pytest.mark.parametrize("text", [*STATIONARY, *WANDERING])
+@each("text", [*STATIONARY, *WANDERING])
 def test_an_offset_changes_nothing(text):
     model = parsed(text)
     x = 1e-3 * model.simulate(400, RATE, rng=6)
@@ -247,9 +247,9 @@ def test_an_offset_changes_nothing(text):
     assert small.loglikelihood(9.81 + x, RATE) == pytest.approx(here, rel=1e-9)
 
 
-@pytest.mark.parametrize("mean", [None, 0.0])
-@pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e6])
-@pytest.mark.parametrize("text", [*STATIONARY, *WANDERING])
+@each("mean", [None, 0.0])
+@each("factor", [1e-9, 1e-3, 1e6])
+@each("text", [*STATIONARY, *WANDERING])
 def test_another_unit_takes_its_logarithm_off_each_contrast(text, factor, mean):
     model = parsed(text)
     x = model.simulate(300, RATE, rng=7)
@@ -262,8 +262,8 @@ def test_another_unit_takes_its_logarithm_off_each_contrast(text, factor, mean):
     assert scaled.loglikelihood(factor * x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
 
 
-@pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
-@pytest.mark.parametrize("text", [*STATIONARY, *(t for t in WANDERING if "DR" not in t)])
+@each("missing", MISSING.values())
+@each("text", [*STATIONARY, *(t for t in WANDERING if "DR" not in t)])
 def test_time_may_run_backwards(text, missing):
     model = parsed(text)
     x = record(model, missing)

@@ -10,6 +10,7 @@ import pytest
 from gmwm import Model
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import DIFFERENCE_STEP, assemble, slopes
+from tests.helpers import each
 from validation.likelihood import fisher_errors
 
 oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "gaussian.py")))
@@ -43,9 +44,9 @@ def problem(text, samples=700, gaps=True, mean=None, seed=1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mean", [None, 9.81])
-@pytest.mark.parametrize("gaps", [False, True])
-@pytest.mark.parametrize("text", MODELS)
+@each("mean", [None, 9.81])
+@each("gaps", [False, True])
+@each("text", MODELS)
 def test_slopes_are_those_of_the_value(text, gaps, mean):
     at = problem(text, gaps=gaps, mean=mean)
     # Not at the truth, where some might vanish by chance.
@@ -63,7 +64,7 @@ def test_slopes_are_those_of_the_value(text, gaps, mean):
         assert abs(found.gradient[k] - slope) < 1e-6 * np.sqrt(found.information[k, k]) + 1e-7
 
 
-@pytest.mark.parametrize("text", MODELS)
+@each("text", MODELS)
 def test_slopes_by_some_coordinates_are_those_by_all(text):
     at = problem(text)
     z = at.start()
@@ -74,7 +75,7 @@ def test_slopes_by_some_coordinates_are_those_by_all(text):
         assert one.information[0, 0] == pytest.approx(whole.information[k, k], rel=1e-9)
 
 
-@pytest.mark.parametrize("text", MODELS)
+@each("text", MODELS)
 def test_matrices_have_the_slopes_that_their_differences_have(text):
     at = problem(text)
     z, system = at.start(), assemble(at.model, RATE)

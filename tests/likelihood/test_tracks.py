@@ -11,7 +11,7 @@ from gmwm import Model, fit, fit_ml
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.likelihood.system import assemble
 from gmwm.recording.signals import Signal
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 ORACLES = Path(__file__).parents[1] / "oracles"
 oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "gaussian.py")))
@@ -47,10 +47,10 @@ def drawn(text, missing, seed=1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
-@pytest.mark.parametrize("mean", [None, 9.5])
-@pytest.mark.parametrize("kind", ["filter", "smooth"])
-@pytest.mark.parametrize("text", MODELS)
+@each("missing", MISSING.values())
+@each("mean", [None, 9.5])
+@each("kind", ["filter", "smooth"])
+@each("text", MODELS)
 def test_tracks_are_conditional_means_and_deviations(text, kind, mean, missing):
     model, x = drawn(text, missing)
     tracks = model.smooth(x, RATE, mean=mean) if kind == "smooth" else model.kalman_filter(x, RATE, mean=mean)
@@ -82,8 +82,8 @@ def test_tracks_are_conditional_means_and_deviations(text, kind, mean, missing):
         )
 
 
-@pytest.mark.parametrize("mean", [None, 9.5])
-@pytest.mark.parametrize("text", MODELS)
+@each("mean", [None, 9.5])
+@each("text", MODELS)
 def test_a_prediction_is_what_the_record_says_of_missing_samples(text, mean):
     model, x = drawn(text, [3, 59])
     steps = 25

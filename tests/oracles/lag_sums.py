@@ -71,7 +71,7 @@ def _coefficients(k: list[Any], u: int, h: int, g: int) -> Any:
     total = mpmath.mpf(0)
     for a, weight_a in ((0, 1), (h, -2), (2 * h, 1)):
         for b, weight_b in ((0, 1), (g, -2), (2 * g, 1)):
-            total += weight_a * weight_b * k[abs(u - b + a)]
+            total = total + weight_a * weight_b * k[abs(u - b + a)]
     return total
 
 
@@ -133,8 +133,8 @@ def _closed_pair(
             if sizes_of[k] == 0:
                 continue
             total += mpmath.re(2 * sizes_of[k] * _power_sums(counted, z, n))
-            for other in range(len(bases)):
-                size = sizes_of[k] * sizes_of[other]
+            for other in range(k, len(bases)):
+                size = sizes_of[k] * sizes_of[other] * (1 if other == k else 2)
                 total += mpmath.re(size * _power_sums([mpmath.mpf(count[0]), step], z * bases[other], n))
     return total
 

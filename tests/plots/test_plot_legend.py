@@ -9,6 +9,7 @@ import gmwm
 from gmwm.showing.plots import plot_comparison, plot_fit, plot_imu, plot_plan
 from gmwm.showing.plots.matplotlib import fold, width_of
 from gmwm.theory.processes.oscillator import name_in_text
+from tests.helpers import each
 
 LONG = "a recording with a name that is much longer than any legend of one line can hold on a page of a journal"
 
@@ -103,8 +104,8 @@ def test_a_legend_in_narrow_axes_is_folded(many):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("room", [30.0, 60.0, 120.0, 400.0])
-@pytest.mark.parametrize("text", [LONG, "GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (like WN)", "x" * 90, "", "a\nb"])
+@each("room", [30.0, 60.0, 120.0, 400.0])
+@each("text", [LONG, "GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (like WN)", "x" * 90, "", "a\nb"])
 def test_folded_lines_fit_and_lose_nothing(text, room):
     lines = fold(text, room, 6.6).split("\n")
     assert max(width_of(line, 6.6) for line in lines) <= max(room, 6 * 6.6)

@@ -18,7 +18,7 @@ from gmwm.measuring.covariance import wavelet_covariance
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import every_class, ordered_classes, rational, registry
 from gmwm.theory.processes.linear_recursion import CANCELLING
-from tests.helpers import codes, raises
+from tests.helpers import codes, each, raises
 
 ORACLES = Path(__file__).parents[1] / "oracles"
 oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "processes.py")))
@@ -52,7 +52,7 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+@each("case", CASES)
 def test_shape_and_slopes_keep_their_digits_next_to_the_unit_circle(case):
     family, values = CASES[case]
     one = family(**values, sigma2=1.0)
@@ -227,7 +227,7 @@ def test_one_process_in_all_its_forms(one, text):
     assert Model.parse(structure).processes == (type(one)(),)
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "facts", "expected"),
     [
         (lambda: AR(), ("AR(p)", "phi=[…]"), {"got": ()}),

@@ -11,7 +11,7 @@ from gmwm.base.errors import FitWarning
 from gmwm.theory.processes import FGN, FN, MAT, PL, Model
 from gmwm.theory.processes.ladder import LADDER_OCTAVES, approximation_remarks, state_space_error
 from gmwm.theory.statespace import _StateBlock
-from tests.helpers import only
+from tests.helpers import each, only
 
 RATE = 100.0
 CLUSTERS = np.unique(np.round(np.geomspace(1, 2**LADDER_OCTAVES, 60)).astype(int))
@@ -46,8 +46,8 @@ def test_fractional_gaussian_noise_is_power_law_noise():
     assert np.allclose(space.Q, other.Q, rtol=1e-12)
 
 
-@pytest.mark.parametrize("nu", [0.05, 0.3, 0.5, 0.51, 0.8, 1.2, 1.5, 2.2, 2.5, 4.7])
-@pytest.mark.parametrize("beta", [1e-3, 1.0, 100.0])
+@each("nu", [0.05, 0.3, 0.5, 0.51, 0.8, 1.2, 1.5, 2.2, 2.5, 4.7])
+@each("beta", [1e-3, 1.0, 100.0])
 def test_matern_autocovariance(nu, beta):
     """Against the Bessel function of the definition, relative to the variance."""
     space = MAT(beta=beta, nu=nu, sigma2=2.0).state_space(RATE)

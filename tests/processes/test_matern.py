@@ -14,7 +14,7 @@ from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes import Process, filtered, smooth_autocovariance
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.smooth_autocovariance import matern
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RATE = 100.0
 SMOOTHNESS = [0.1, 0.5, 0.75, 1 - 1e-5, 1.0, 1 + 1e-9, 1.5, 2.3, 7.5, 10.0]
@@ -81,8 +81,8 @@ def haar(beta, p, level):
         return float((h + 2 * h * a0 - 3 * a1 - 2 * h * (b0 - a0) + (b1 - a1)) / (2 * mp.mpf(h) ** 2))
 
 
-@pytest.mark.parametrize("p", [0, 1, 2, 4, 9])
-@pytest.mark.parametrize("beta", [1e-8, 1e-4, 0.03, 0.7, 30.0])
+@each("p", [0, 1, 2, 4, 9])
+@each("beta", [1e-8, 1e-4, 0.03, 0.7, 30.0])
 def test_down_to_level_twenty_five_at_half_integers(p, beta):
     levels = [1, 2, 3, 7, 12, 18, 25]
     # The fractions in the polynomial are doubles.

@@ -17,7 +17,7 @@ from gmwm.theory.processes import GM, OSC, SIN
 from gmwm.theory.processes.exponential_sum import lag_sums
 from gmwm.theory.processes.oscillator import PERIODIC_QUALITY
 from gmwm.theory.statespace import haar_variances
-from tests.helpers import codes
+from tests.helpers import codes, each
 
 RATE = 100.0
 
@@ -75,6 +75,7 @@ def test_from_a_quality_of_two_on_it_is_an_oscillation(quality, frequency):
     assert OSC(frequency=0.2, quality=quality, sigma2=1.0).oscillation() == frequency
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_n_and_k_leave_out_an_oscillation_slower_than_the_horizon():
     noise = "WN(sigma2=1e-6) + RW(gamma2=1e-14)"
@@ -85,8 +86,8 @@ def test_n_and_k_leave_out_an_oscillation_slower_than_the_horizon():
         assert n**2 == pytest.approx(1e-6 / RATE + added, rel=0.04)
 
 
-@pytest.mark.parametrize("quality", [0.5001, 0.7, 20.0, 1e6])
-@pytest.mark.parametrize("frequency", [1e-7, 0.3, 49.0, 101.0, 260.0])
+@each("quality", [0.5001, 0.7, 20.0, 1e6])
+@each("frequency", [1e-7, 0.3, 49.0, 101.0, 260.0])
 def test_the_wavelet_variance_is_exact_at_every_frequency_and_quality(frequency, quality):
     exact = []
     with mpmath.workdps(60):
@@ -145,8 +146,8 @@ def test_gauss_markov_noise_is_no_oscillation():
     assert GM(beta=1.0, sigma2=1.0).oscillation() is None
 
 
-@pytest.mark.parametrize("frequency", [1e-3, 0.17, 2.0, 30.0])
-@pytest.mark.parametrize("quality", [0.5001, 0.52, 2.0, 60.0, 3000.0])
+@each("frequency", [1e-3, 0.17, 2.0, 30.0])
+@each("quality", [0.5001, 0.52, 2.0, 60.0, 3000.0])
 def test_the_closed_form_of_the_wavelet_variance_agrees_with_the_state_space(frequency, quality):
     levels = np.arange(1, 21)
     expected = haar_variances([OSC(frequency=frequency, quality=quality, sigma2=1.0).state_space(100.0)], levels)

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from gmwm.base.errors import ModelError
 from gmwm.theory.processes import AR, AR1, ARMA, DR, GM, MA, QN, RW, SARMA, WN, Model, fixed, registry
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 profile = settings(derandomize=True, deadline=None, max_examples=150, database=None)
 FINITE = {
@@ -83,7 +83,7 @@ def test_any_text_is_a_model_or_a_model_error(text):
     assert Model.parse(str(model)) == model
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "model"),
     [
         ("3*GM + WN + QN + RW", 3 * GM() + WN() + QN() + RW()),
@@ -111,7 +111,7 @@ def test_texts_that_are_models(text, model):
     assert Model.parse(text) == Model.parse(text) == model
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "character", "facts"),
     [
         ("GM + XX", 6, ('"XX"', "WN, QN, RW, DR, AR1, GM")),

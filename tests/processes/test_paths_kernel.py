@@ -5,12 +5,13 @@ import pytest
 from scipy.signal import lfilter
 
 from gmwm.base import _core
+from tests.helpers import each
 
 SHAPES = [(1, 1), (1, 500), (3, 2), (4, 100), (11, 33), (0, 5)]
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("phi", [0.0, 0.9, -0.9, 1.0 - 1e-9])
+@each("shape", SHAPES)
+@each("phi", [0.0, 0.9, -0.9, 1.0 - 1e-9])
 def test_autoregress(shape, phi):
     noise = np.random.default_rng(1).standard_normal(shape)
     first, rest = 7.0, 0.3
@@ -31,9 +32,9 @@ def test_accumulate(shape):
     assert np.array_equal(path, 0.3 * np.cumsum(noise, axis=-1))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("p", [0, 1, 2, 4, 5])
-@pytest.mark.parametrize("q", [0, 1, 3])
+@each("shape", SHAPES)
+@each("p", [0, 1, 2, 4, 5])
+@each("q", [0, 1, 3])
 def test_mix(shape, p, q):
     rng = np.random.default_rng(2)
     noise, phi, theta = rng.standard_normal(shape), 0.2 * rng.standard_normal(p), rng.standard_normal(q)

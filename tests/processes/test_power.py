@@ -13,7 +13,7 @@ from gmwm.measuring.covariance import wavelet_covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes.circulant_embedding import amplitudes
 from gmwm.theory.processes.haar_covariance import LagGrid
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RATE = 100.0
 ALPHAS = (-0.99, -0.3, 0.0, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-12, 1.4, 2.0, 2.7, 2.99)
@@ -101,8 +101,8 @@ def test_covariances_have_their_digits_at_every_lag(alpha):
             assert value == pytest.approx(float(exact), rel=3e-14, abs=1e-15 * scale)
 
 
-@pytest.mark.parametrize("alpha", ALPHAS)
-@pytest.mark.parametrize("steps", [(1, 1), (1, 2**12), (16, 64)])
+@each("alpha", ALPHAS)
+@each("steps", [(1, 1), (1, 2**12), (16, 64)])
 def test_coefficient_covariances_have_their_digits(alpha, steps):
     fine, coarse = steps
     lags = np.array([0, 1, fine, coarse, 2 * coarse, 3 * coarse + 1, 40 * coarse, 10**7])
@@ -155,7 +155,7 @@ def test_rules_between_the_kinks_are_the_sum_over_all_lags_of_a_long_record(one)
 # --- simulation -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("alpha", [*ALPHAS, *np.linspace(-0.95, 2.95, 14)])
+@each("alpha", [*ALPHAS, *np.linspace(-0.95, 2.95, 14)])
 def test_embedded_autocovariances_are_the_wanted_ones(alpha):
     """No eigenvalue is below zero but for rounding, so that roots squared give the autocovariance back."""
     half = 2**12

@@ -7,12 +7,12 @@ from gmwm import SIN, WN, fit, fixed
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.theory.filters import FILTERS, find_filter
 from gmwm.theory.processes import Model
-from tests.helpers import code_of, raises
+from tests.helpers import code_of, each, raises
 
 RATE = 100.0
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@each("name", FILTERS)
 def test_the_shape_is_the_squared_gain(name):
     f, frequency = find_filter(name), np.array([0.03, 1.7, 12.5, 33.0, 49.99])
     shape = SIN.shape(frequency[:, None], 12, RATE, f)

@@ -1,8 +1,7 @@
 from __future__ import annotations
 
-import pytest
-
 from gmwm.files.columns.column_names import is_unit, named_unit, recognise
+from tests.helpers import each
 
 AXES = {
     "gyro_x": "gyro_x Gyr_X GYRO_X gyroX GyroX gx wx w_x omega_x angular_velocity.x angular_velocity_x xgyro "
@@ -16,12 +15,12 @@ AXES = {
 }
 
 
-@pytest.mark.parametrize(("axis", "name"), [(axis, name) for axis, names in AXES.items() for name in names.split()])
+@each(("axis", "name"), [(axis, name) for axis, names in AXES.items() for name in names.split()])
 def test_axis_by_name(axis, name):
     assert recognise(name).axis == axis
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "unit"),
     [
         ("gyro_x [deg/s]", "deg/s"), ("gyro_x (rad/s)", "rad/s"), ("gyro_x_dps", "deg/s"), ("gx_rad_s", "rad/s"),

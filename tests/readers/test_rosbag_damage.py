@@ -17,7 +17,7 @@ from gmwm.files.formats.bag_mcap import McapStorage
 from gmwm.files.formats.bagfiles import Topic, decompress
 from gmwm.files.formats.cdr import definition
 from gmwm.files.readers import read
-from tests.helpers import raises
+from tests.helpers import each, raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written
 
 DATA = numbers(40)
@@ -211,7 +211,7 @@ def test_a_type_that_nobody_defines(tmp_path):
                 read(path)
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         "float64 x\x00",
@@ -223,7 +223,7 @@ def test_a_type_that_nobody_defines(tmp_path):
         "(" * 5000,
     ],
 )
-@pytest.mark.parametrize("language", ["ros1msg", "ros2msg", "ros2idl"])
+@each("language", ["ros1msg", "ros2msg", "ros2idl"])
 def test_definitions_by_strangers(text, language):
     topic = Topic("/a", "t/msg/T", "ros1" if language == "ros1msg" else "cdr", text, language)
     with raises(ReadError, "/a", code="type-invalid"):

@@ -10,7 +10,7 @@ from rosbags.typesys import get_types_from_msg
 
 from gmwm.base.errors import ReadError
 from gmwm.files.formats.cdr import Decoder, Definition, template
-from tests.helpers import raises
+from tests.helpers import each, raises
 from tests.readers.rosbag_files import FLAT, NESTED, PART, START, STEP, flat, imu, nested, numbers, store_of
 
 KINDS = {"imu": "sensor_msgs/msg/Imu", "flat": "my_msgs/msg/Flat", "nested": "vn_msgs/msg/Nested"}
@@ -49,9 +49,9 @@ def same(one, other):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("lengths", [[3], [0], [3, 8], [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]])
+@each("way", WAYS)
+@each("kind", KINDS)
+@each("lengths", [[3], [0], [3, 8], [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]])
 def test_the_fast_path_equals_the_general_decoder(kind, way, lengths):
     messages = serialised(kind, way, lengths)
     definition = defined(kind, way)

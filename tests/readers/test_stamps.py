@@ -18,7 +18,7 @@ from gmwm.files.clock.text_stamps import Midnights, form_remark, is_stamp, times
 from gmwm.files.formats import text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.growing_files import Lines, growing_stream
-from tests.helpers import only, raises
+from tests.helpers import each, only, raises
 from tests.readers.test_parts import same as same_parts
 from tests.readers.test_stream import columns, stamps, written
 from tests.readers.test_stream import same as same_chunks
@@ -142,7 +142,7 @@ def test_every_time_of_day(times, zeros):
     assert times_of(pl.Series(cells), cells[0]).view(np.int64).tolist() == ns.tolist()
 
 
-@pytest.mark.parametrize(
+@each(
     "cell",
     [
         "2024-13-01T12:00:00", "2024-02-30T12:00:00", "2023-02-29T12:00:00", "2024-05-00T12:00:00",
@@ -166,7 +166,7 @@ def test_a_leap_second_is_the_next_second():
     assert times_of(pl.Series([*cells, "2017-01-01T00:00:00.5"]), cells[0])[:3].tolist() == found.tolist()
 
 
-@pytest.mark.parametrize(
+@each(
     ("cell", "yes"),
     [
         ("2024-05-01T12:00:00", True), ("2024-05-01 12:00:00.5 +02:00", True), ("0:00:01", True), ("125:00:01,5", True),

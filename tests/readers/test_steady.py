@@ -11,7 +11,7 @@ from gmwm.base.errors import ReadError
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.rate_check import rate_change
 from gmwm.files.clock.running_clock import Pace, RunningClock
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)
 
@@ -86,8 +86,8 @@ STEADY = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", STEADY)
-@pytest.mark.parametrize("samples", [60, 500, 2000, 20_000])
+@each("name", STEADY)
+@each("samples", [60, 500, 2000, 20_000])
 def test_no_change_where_there_is_none(name, samples):
     for seed in range(5):
         stamps = STEADY[name](samples, np.random.default_rng(seed))
@@ -165,8 +165,8 @@ def test_lost_samples_of_a_rate_that_drifts_are_found(course, jitter):
     assert len(gaps) == 20
 
 
-@pytest.mark.parametrize("size", [100, 1000, 20_000])
-@pytest.mark.parametrize("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
+@each("size", [100, 1000, 20_000])
+@each("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
 def test_a_steady_rate_does_not_drift(name, size):
     for seed in range(3):
         stamps = STEADY[name](size, np.random.default_rng(seed))

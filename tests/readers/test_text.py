@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm.base.errors import DataError, OptionError, ReadError, UnitError
+from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError, UnitError
 from gmwm.files.formats import text
 from gmwm.files.readers import read
 from tests.helpers import only, raises
@@ -175,6 +175,17 @@ def test_what_cannot_be_read_says_why_and_the_way_out(tmp_path, content, code, f
     kind = DataError if code is None else UnitError if code.startswith("unit") else ReadError
     with raises(kind, *facts, code=code, advises=advises):
         read(saved(tmp_path, content))
+
+
+@pytest.mark.parametrize("delimiter", [",", " "])
+def test_a_long_row_is_found_whatever_columns_are_read(tmp_path, delimiter):
+    content = (PLAIN + rows() + NINE + rows()).replace(",", delimiter)
+    path, options = saved(tmp_path, content), {"columns": {"time": None, "gyro_x": 2}, "rate": 100.0}
+    with raises(ReadError, "line 42", "9 values, expected 7", code="row-length"):
+        read(path, **options, units={"gyro": "rad/s"})
+    with pytest.warns(GmwmWarning, match="1 lost sample"):
+        imu = read(path, **options, units={"gyro": "rad/s"}, bad_lines="skip")
+    assert imu["gyro_x"].values.tolist() == 2 * VALUES[:, 1].tolist()
 
 
 def test_paths(tmp_path):

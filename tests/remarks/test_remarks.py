@@ -20,9 +20,10 @@ from gmwm.base.remarks import (
 from gmwm.base.remarks.registry import CASE, OTHERWISE, SECTIONS, Choice
 from gmwm.base.remarks.registry import message as message_of
 from gmwm.base.remarks.rendering import examples
+from tests.helpers import each
 from tests.remarks.snapshot import file_of, rendered
 
-ALL = [pytest.param(message, id=message.code) for message in messages().values()]
+ALL = tuple(messages().values())
 
 
 @pytest.mark.parametrize("dialect", Dialect)
@@ -31,7 +32,7 @@ def test_every_sentence_is_the_one_in_the_snapshot(dialect):
     assert rendered(dialect).splitlines() == file_of(dialect).read_text(encoding="utf-8").splitlines()
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_a_message_is_complete(message):
     assert message.section in SECTIONS
     assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", message.code)
@@ -40,7 +41,7 @@ def test_a_message_is_complete(message):
         assert not isinstance(text, Choice) or len(text.templates) > 1
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_what_makes_numbers_wrong_has_a_name_in_plain_words(message):
     assert message.cause or not (message.raises or message.spoils)
 
@@ -53,31 +54,31 @@ ANSWERS = ("verdict", "results", "check-passed", "recommended")
 """Messages whose sentence is the answer itself."""
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_every_remark_ends_with_what_to_do(message):
     for remark in examples(message):
         assert remark.advice or message.code in ANSWERS
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_there_is_an_example_of_each_case(message):
     texts_by_case = (text for text in (message.severity, message.sentence, message.advice) if isinstance(text, Choice))
     cases = {case for text in texts_by_case if text.by == CASE for case in text.templates} - {OTHERWISE}
     assert {example.get(CASE, "") for example in message.examples} >= cases
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_a_message_parsed_alone_is_the_same_as_in_the_whole_file(message):
     assert message_of(message.code) == message
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_a_message_survives_json(message):
     for remark in examples(message):
         assert Remark.from_dict(json.loads(json.dumps(remark.to_dict()))) == remark
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_sentences_are_short_and_end(message):
     for remark in examples(message):
         text = remark.text(Dialect.SHELL)

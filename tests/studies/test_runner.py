@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from tests.helpers import each
 from validation.__main__ import DOCUMENTS, find_studies, run_study, stored
 from validation.pages import ROWS, appendix, page
 
@@ -73,7 +74,7 @@ def test_every_study_has_a_name_of_its_own() -> None:
     assert all(name == module.NAME for name, module in studies.items())
 
 
-@pytest.mark.parametrize("name", [name for name in find_studies() if (DOCUMENTS / f"{name}.json").is_file()])
+@each("name", [name for name in find_studies() if (DOCUMENTS / f"{name}.json").is_file()])
 def test_a_page_is_that_of_its_record(name: str) -> None:
     # After a change of a table or of its words: python -m validation --pages
     module = find_studies()[name]

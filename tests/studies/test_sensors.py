@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from tests.helpers import each
 from validation import filter_truth, sensors
 
 SLACK = {"knocks", "spikes", "quantized-coarse", "lines", "warm-up", "drift"}
@@ -60,7 +61,7 @@ def test_the_truth_of_a_filter_predicts_best() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", sorted(set(sensors.KINDS) - SLACK))
+@each("kind", sorted(set(sensors.KINDS) - SLACK))
 def test_the_allan_deviation_is_that_of_the_truth(kind: str) -> None:
     # The standard error of a ratio at averaging times of 1 s is about √(1.5 s/T)/2: 1 % for half an hour. The limit of
     # 3 % is five standard errors of the mean of three.

@@ -14,7 +14,7 @@ from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
-from tests.helpers import codes, raises
+from tests.helpers import codes, each, raises
 
 RATE = 100.0
 START = 12_345
@@ -50,8 +50,8 @@ def same(found, wanted):
     assert (found.strides, found.samples) == (wanted.strides, wanted.samples)
 
 
-@pytest.mark.parametrize("start", [0, 1, 63, START, 1 << 40])
-@pytest.mark.parametrize("samples", [8, 100, 5_000, 70_001])
+@each("start", [0, 1, 63, START, 1 << 40])
+@each("samples", [8, 100, 5_000, 70_001])
 def test_each_level_is_what_it_says(samples, start):
     x = walk(samples)
     found, plain = part(x, start).result(), wavelet_variance(x, RATE)
@@ -131,8 +131,8 @@ def test_an_array_of_another_dimension_is_refused(name):
         WaveletAccumulator.from_dict({**state, name: [state[name]]})
 
 
-@pytest.mark.parametrize("value", [1e308, -1e200, float("nan")])
-@pytest.mark.parametrize("name", ["squares", "last_head", "last_tail", "last_squares", "last_heads", "last_tails"])
+@each("value", [1e308, -1e200, float("nan")])
+@each("name", ["squares", "last_head", "last_tail", "last_squares", "last_heads", "last_tails"])
 def test_a_sum_whose_square_overflows_is_refused(name, value):
     state = part(walk(5_000)).to_dict()
     with raises(ReadError):
@@ -154,8 +154,8 @@ def test_a_wrong_number_of_sums_is_refused():
         WaveletAccumulator.from_dict({**state, "last_blocks": []})
 
 
-@pytest.mark.parametrize("value", [-1, 10**400, 1 << 62, 1e300])
-@pytest.mark.parametrize("name", ["last_count", "last_start", "lengths", "filled", "every", "some_first"])
+@each("value", [-1, 10**400, 1 << 62, 1e300])
+@each("name", ["last_count", "last_start", "lengths", "filled", "every", "some_first"])
 def test_a_number_of_samples_that_no_recording_has_is_refused(name, value):
     state = part(walk(5_000)).to_dict()
     with raises(ReadError, "number of samples"):

@@ -14,7 +14,7 @@ from gmwm.measuring.variance import wavelet_variance
 from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
 from gmwm.measuring.variance.clusters import ClusterVariance
 from gmwm.recording.signals import Signal
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "adis16405_static_1.parquet"
 
@@ -73,9 +73,9 @@ def test_published_values(member):
         np.testing.assert_allclose(got.deviation, list(expected.values()), rtol=2e-7 if data.size > 9 else 1e-6)
 
 
-@pytest.mark.parametrize("data", ["rate", "phase"])
-@pytest.mark.parametrize("kind", ["white", "walk", "ramp"])
-@pytest.mark.parametrize("member", MEMBERS)
+@each("data", ["rate", "phase"])
+@each("kind", ["white", "walk", "ramp"])
+@each("member", MEMBERS)
 def test_allantools_says_the_same_at_every_cluster_size(member, kind, data):
     measure, theirs = MEMBERS[member]
     x, rate = walks(kind, 600), 50.0

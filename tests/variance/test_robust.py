@@ -16,7 +16,7 @@ from gmwm.base.errors import DataError
 from gmwm.measuring.variance.biweight import biweight
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients
 from gmwm.measuring.variance.robust import SAMPLED_COEFFICIENTS, robust_variance, robust_variances
-from tests.helpers import only, raises
+from tests.helpers import each, only, raises
 
 ORACLES = Path(__file__).resolve().parents[1] / "oracles"
 twin = SimpleNamespace(**runpy.run_path(str(ORACLES / "robust.py")))
@@ -170,8 +170,8 @@ SIGNALS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize("name", SIGNALS)
+@each("efficiency", [0.3, 0.6, 0.9])
+@each("name", SIGNALS)
 def test_twin(name, efficiency):
     x = SIGNALS[name]
     levels = x.size.bit_length() - 1

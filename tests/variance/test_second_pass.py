@@ -14,7 +14,7 @@ from gmwm.measuring.variance.rise import MOST_STORED, ThinnedValues
 from gmwm.measuring.variance.robust import robust_variance
 from gmwm.measuring.variance.second_pass import MOST_CELLS, MedianCells, SecondPass
 from gmwm.recording.signals import Signal
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 RATE = 100.0
 N = 60_000
@@ -78,8 +78,8 @@ def same(found, request, levels=None):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize("name", SIGNALS)
+@each("efficiency", [0.3, 0.6, 0.9])
+@each("name", SIGNALS)
 def test_it_is_that_in_memory(name, efficiency):
     # Where a root lies at the end of its reach or the median in a step, the sample of 2048 on which the rule begins in
     # memory may lead elsewhere; in none of these it does.

@@ -15,7 +15,7 @@ from gmwm.base import _core
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.measuring.variance.robust import robust_variance, robust_variances
 from gmwm.measuring.variance.sketch import BEYOND, BINS_OF_OCTAVE, Sketch, SketchCoefficients, Sketches
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)
 seeds = st.integers(0, 2**31)
@@ -253,8 +253,8 @@ SIGNALS = {
 }
 
 
-@pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize("name", SIGNALS)
+@each("efficiency", [0.3, 0.6, 0.9])
+@each("name", SIGNALS)
 def test_accuracy(name, efficiency):
     x = SIGNALS[name]
     levels = x.size.bit_length() - 1

@@ -9,12 +9,14 @@ from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.variance.transform import dwt, modwt
 from gmwm.recording.signals import Signal
 from gmwm.theory.filters import FILTERS, find_filter
-from tests.helpers import raises
+from tests.helpers import each, raises
 
 pywt = pytest.importorskip("pywt")
 every_filter = pytest.mark.parametrize("name", [*FILTERS, "sym5", "db9"])
+loop_over_filter = each("name", [*FILTERS, "sym5", "db9"])
 deterministic = settings(derandomize=True, deadline=None, max_examples=12, database=None)
 boundaries = pytest.mark.parametrize("boundary", ["periodic", "reflection"])
+loop_over_boundaries = each("boundary", ["periodic", "reflection"])
 both = pytest.mark.parametrize("transform", [modwt, dwt])
 
 
@@ -68,9 +70,9 @@ def test_a_shifted_signal_has_shifted_coefficients(name, n, shift):
         np.testing.assert_allclose(np.roll(one.details[j], shift), other.details[j], atol=1e-13)
 
 
-@boundaries
-@pytest.mark.parametrize("n", [50, 257, 600])
-@every_filter
+@loop_over_boundaries
+@each("n", [50, 257, 600])
+@loop_over_filter
 def test_interior_coefficients_are_those_of_the_level_filter(name, n, boundary):
     f, x = find_filter(name), white(n)
     maximal, decimated = modwt(x, name, boundary=boundary), dwt(x, name, boundary=boundary)
@@ -90,8 +92,8 @@ def test_interior_coefficients_are_those_of_the_level_filter(name, n, boundary):
     assert seen > 0
 
 
-@pytest.mark.parametrize("n", [50, 257])
-@every_filter
+@each("n", [50, 257])
+@loop_over_filter
 def test_coefficients_outside_the_interior_feel_the_other_end(name, n):
     # A change beyond the last sample that an interior coefficient is made of moves no interior coefficient.
     f, x = find_filter(name), white(n)
@@ -116,8 +118,8 @@ def test_modwt_is_the_stationary_transform_of_pywavelets(name):
         np.testing.assert_allclose(centred, theirs[level + 1 - j], atol=1e-9)
 
 
-@pytest.mark.parametrize("n", [256, 96, 30])
-@pytest.mark.parametrize("name", ["haar", "db2", "sym4", "sym5", "coif2", "db9"])
+@each("n", [256, 96, 30])
+@each("name", ["haar", "db2", "sym4", "sym5", "coif2", "db9"])
 def test_dwt_is_the_periodised_transform_of_pywavelets(name, n):
     # Theirs is centred: coefficient n is made of V_{2n + L/2 − l}; where L/2 is even that is our transform of the
     # signal one sample later. The wavelet has the other sign.

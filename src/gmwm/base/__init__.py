@@ -1,2 +1,1 @@
-"""What every room uses: errors, remarks, units, text, arrays, files, locks and threads. It knows nothing of
-signals."""
+"""What every room uses: errors, remarks, units, text, arrays, files, locks and threads; it knows no signals."""

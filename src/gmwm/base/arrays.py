@@ -68,8 +68,7 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
 
 
 def _is_vector(values: object) -> TypeGuard[Vector]:
-    """Return whether `values` is already a vector, fast for chunks of streams: other checks take ten times as long as
-    their sum."""
+    """Return whether `values` is already a vector; for chunks, other checks take ten times as long as a sum."""
     return (
         type(values) is np.ndarray
         and values.ndim == 1
@@ -136,8 +135,9 @@ def as_rate(rate: float | None) -> float:
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
-    """Check wavelet levels: ascending integers from 1 to 62, or one number J for 1, …, J. Scale 62 is the last 64-bit
-    integer."""
+    """Check wavelet levels: ascending integers from 1 to 62 (scales of 64 bits), or a number J for 1, …, J."""
+    if type(levels) is np.ndarray and levels.dtype == np.int64 and levels.ndim == 1 and _are_levels(levels.tobytes()):
+        return levels
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":

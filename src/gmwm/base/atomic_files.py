@@ -36,8 +36,7 @@ def _is_alive(process: int) -> bool:
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove what killed processes of this machine left in `folder`. On Windows nobody can ask whether a process lives
-    without a library, so it stays."""
+    """Remove what killed processes of this machine left; Windows does not tell whether a process lives."""
     if _WINDOWS:
         return
     for path in folder.glob(glob.escape(_prefix("")[:-1]) + "*"):
@@ -68,8 +67,7 @@ def _replace(source: Path, target: Path) -> None:
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path, with the suffix by which writers choose the format, and rename it to `path` if the block
-    succeeds."""
+    """Yield a temporary path with the suffix of `path`, and rename it to this if the block succeeds."""
     target = Path(path)
     if target.is_symlink():
         target = target.resolve()  # the link stays, and its file is replaced
@@ -117,10 +115,7 @@ def written_together(folder: Path) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` to `path` in UTF-8, completely or not at all.
-
-    Bytes of file names that are not UTF-8 are written as \\udc.., which JSON reads as the original bytes.
-    """
+    """Write `text` in UTF-8, completely or not at all; other bytes of file names become \\udc.., as JSON reads them."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
@@ -132,8 +127,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 DEEPEST_DOCUMENT = 64
-"""Largest depth of lists and objects in a JSON document. Documents of gmwm have ten levels; very deep ones overflow the
-stack."""
+"""Largest depth of a JSON document; gmwm's have ten levels, and very deep ones overflow the stack."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

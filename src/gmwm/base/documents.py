@@ -1,10 +1,8 @@
 """Documents of results: the fields of a dataclass as JSON values, and back; CONTRIBUTING.md, "Documents", is a guide.
 
-A class states the keys of its document in `document_keys`, in their order; by default, they are its fields. An entry is
-`"name"`, or `"key=name"` if the key is not the name of the attribute. After it, `"?"` marks a key that documents may
-lack; with `"~inf"` or `"~nan"`, null replaces infinite and undefined numbers, and is read as this number. `"*name"`
-writes the keys of a member into the document itself. A name that is not a field is written and not read.
-"""
+`document_keys` are a class's keys in order, by default its fields: `"name"`, or `"key=name"`. `"?"` marks a key that
+may be missing; with `"~inf"` or `"~nan"`, null is this number. `"*name"` inserts a member's keys. Other names than
+fields are written and not read."""
 
 from __future__ import annotations
 
@@ -161,8 +159,7 @@ def entries_of(kind: Any) -> tuple[DocKey, ...]:
 
 
 class Documented:
-    """Base of dataclasses with a document for JSON. A class with `document` checks each field against its annotation
-    and name."""
+    """Base of dataclasses with a JSON document; with `document`, fields are checked by annotation and name."""
 
     document_keys: ClassVar[tuple[str, ...]] = ()
     document: ClassVar[Document | None] = None

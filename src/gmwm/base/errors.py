@@ -1,8 +1,4 @@
-"""Errors and warnings of gmwm.
-
-An error states what happened, the argument that caused it, what was expected, what was given, and what to do. Its text
-is made for Python users, with arguments as `rate=`, or for the shell, with options as `--rate`.
-"""
+"""Errors and warnings: what happened, which argument, what was expected and given, what to do; for Python or shell."""
 
 from __future__ import annotations
 

@@ -59,9 +59,8 @@ def missing(module: str) -> MissingDependencyError:
 
 @cache
 def admit_guests(group: str, admit: Callable[[str, Any], object]) -> None:
-    """Pass the name and the object of each entry point of a group, such as "gmwm.readers", to a registry, once. The
-    search of all installed packages takes 10 ms and more, so registries call this late: when a name or a file is
-    unknown, or when entries are listed. `admit` may raise any error, for example if the name is taken."""
+    """Pass each entry point of a group, such as "gmwm.readers", to a registry, once and late (for unknown names, or
+    lists), as the search takes 10 ms and more. `admit` may raise any error."""
     for point in entry_points(group=group):
         try:
             admit(point.name, point.load())

@@ -1,9 +1,7 @@
 """Helper processes: they run functions that hold Python's global interpreter lock for most of their time.
 
-The command line forks them from its process while this has one thread, which is safe, so that the imports are shared. A
-library must not fork the process of its user; it starts new processes. Without helpers, the same functions run in
-threads, with the same results.
-"""
+The command line forks them from a single thread, which is safe and shares imports; a library starts new processes, as
+it must not fork its user's. Without helpers, functions run in threads, with the same results."""
 
 from __future__ import annotations
 
@@ -67,8 +65,7 @@ class Helpers:
                 self._idle.append(_start_helper("fork", modules))
 
     def run(self, function: Callable[..., T], *args: Any) -> T:
-        """Call a function in an idle helper, or here, and raise its errors; all arguments and results can be
-        pickled."""
+        """Call a function in an idle helper, or here, and raise its errors; all data can be pickled."""
         helper = self._take()
         if helper is None:
             return function(*args)
@@ -132,8 +129,7 @@ def helpers(*modules: str, count: int | None = None) -> Helpers:
 
 
 def new_helper(*modules: str) -> Helper:
-    """Start a helper whose libraries use one thread. It imports the main script, so that needs `if __name__ ==
-    "__main__":`."""
+    """Start a helper with one thread; it imports the main script, which needs `if __name__ == "__main__":`."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
@@ -156,8 +152,7 @@ def end_helpers() -> None:
 
 
 def spare_garbage_collector() -> None:
-    """Let the garbage collector run less often: at the default of 700 objects, it takes 7 % of the time of `gmwm
-    calibrate`."""
+    """Collect garbage less often: at 700 objects, it takes 7 % of the time of `gmwm calibrate`."""
     gc.set_threshold(50_000, 20, 50)
 
 

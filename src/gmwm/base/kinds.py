@@ -39,12 +39,10 @@ _NOT_NEGATIVE = {
 _SHARES = ("confidence", "efficiency")
 _PROBABILITIES = ("pvalue", "pvalues", "p_value")
 _COVARIANCES = ("covariance", "wavelet", "weighting_matrix")
-"""Fields whose numbers are above zero, not negative, between 0 and 1, and from 0 to 1, and fields that are symmetric
-matrices without negative eigenvalues. A field has the same meaning in all classes."""
+"""Fields > 0, ≥ 0, in (0, 1) and in [0, 1], and symmetric matrices without negative eigenvalues, in all classes."""
 LARGEST_COUNT = 1 << 62  # largest number of samples or of anything else that is counted
 LARGEST_NUMBER = 1e150
-"""Largest finite number in a document, and largest inverse of a number above zero. The square of a larger number
-overflows."""
+"""Largest finite number in a document, and inverse of a positive one; squares of larger ones overflow."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +70,8 @@ class Document:
 
 
 def require_kinds(found: Any, where: str, document: Document) -> None:
-    """Raise an error if a field of a result does not have the type of its annotation, or the range that its name
-    implies (counts, errors, shares in `shares`, …). An integer is allowed for a float, NaN only with `marks_with_nan`.
-    Arrays have equal lengths, and covariances no negative eigenvalue. Numbers are at most `LARGEST_NUMBER`, counts
-    `LARGEST_COUNT`."""
+    """Raise an error unless fields have their annotated type (integers as floats) and the range of their name: equal
+    lengths, covariances, numbers to `LARGEST_NUMBER`, counts to `LARGEST_COUNT`, NaN with `marks_with_nan`."""
     lengths = {}
     renamed = (text.split("=") for text in getattr(found, "document_keys", ()) if "=" in text)
     keys = {name.partition("~")[0]: key for key, name in renamed}
@@ -156,8 +152,7 @@ def _require_range(name: str, value: Any, key: str, document: Document) -> None:
 
 def require_covariance(values: Matrix, key: str, document: Document) -> None:
     """Raise an error if a matrix is not square, symmetric and positive semidefinite. Infinite variances are allowed."""
-    # Largest difference of a symmetric matrix from its transpose, and largest negative eigenvalue, relative to a unit
-    # diagonal.
+    # Largest asymmetry and negative eigenvalue of a matrix, relative to a unit diagonal.
     rounding = 1e-6
     if values.ndim != 2 or values.shape[0] != values.shape[1]:
         raise document.error(f"{key} must be a square matrix; got the shape {values.shape}")

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 GROUP = "gmwm.plots"
 """The package that registers the functions of gmwm, and the group of the entry points of other packages."""
 _functions: dict[str, str | Callable[..., MatplotlibFigure]] = {}
-"""Functions by the full name of the type that they draw. Those named by a text are imported when they are used.
-
-`functools.singledispatch` would import every type and every plot to draw one."""
+"""Functions by the type that they draw, or their names: `functools.singledispatch` would import every type and plot."""
 
 
 def register(kind: type | str, function: Callable[..., MatplotlibFigure] | str) -> None:
@@ -141,21 +139,8 @@ class Tabular(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Ratio of one part, such as a recording or a unit, to the others, and the test whether they differ.
-
-    Attributes
-    ----------
-    name : str
-        What is compared, such as "gyro_x at 0.02 s, monday".
-    ratio : float
-        The ratio, 1 if there is no difference.
-    lower, upper : float or None
-        Confidence limits of the ratio; None if they are not known.
-    pvalue : float or None
-        p-value of no difference, adjusted for the number of tests; None if there is no test.
-    differs : bool
-        Whether the test finds a difference.
-    """
+    """Ratio of one part (`name`, such as "gyro_x at 0.02 s, monday") to the others, with confidence limits and `pvalue`
+    adjusted for the number of tests, each None if unknown; `differs`: significant."""
 
     name: str
     ratio: float

@@ -12,15 +12,13 @@ from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.lazy import scipy
 
 _NODES = 48
-"""Number of nodes of the integral over τ. A t distribution with 7 degrees of freedom is then accurate to four
-digits."""
+"""Nodes of the integral over τ; t distributions from 7 degrees of freedom are accurate to four digits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Estimated mean μ̂ = Σ w_i x_i / Σ w_i with w_i = 1/(τ̂² + s_i²), and spread, of each sample of `count` values.
-    `error` is 1/√Σ w_i, `spread2` the estimate τ̂² of τ², `spread2_variance` Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)², and
-    `error2_slope` the derivative of the square of `error` with respect to τ², Σw²/(Σw)²."""
+    """Estimates μ̂ = Σ w_i x_i / Σ w_i, w_i = 1/(τ̂² + s_i²), of samples of `count` values: `error` 1/√Σ w_i, `spread2`
+    τ̂², Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)², and `error2_slope` ∂error²/∂τ² = Σw²/(Σw)²."""
 
     mean: Vector
     error: Vector
@@ -31,12 +29,11 @@ class Effects:
 
 
 def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Vector | None = None) -> Vector:
-    """Solve Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) = `target` for τ² ≥ 0; 0 if Q(0) is below the target. With the target n −
-    1, the default, this is the estimate of Paule and Mandel (1982, J. Res. NBS 87, 377-385); with quantiles of χ² with
-    n − 1 degrees of freedom, it gives the limits of the Q-profile interval (Viechtbauer 2007, Statistics in Medicine
-    26, 37-52). 1/Q is concave in τ² (in coordinates with a diagonal covariance, Q is a sum of z²/(d + τ²)), so Newton's
-    method for 1/Q = 1/target converges from below, from `start`. `x` and the squares `s2` of the standard errors are
-    (…, n); NaN in `x` is a missing number."""
+    """Solve Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) = `target` for τ² ≥ 0; NaN in `x` (…, n) is missing.
+
+    The target n − 1 estimates τ² (Paule and Mandel 1982, J. Res. NBS 87, 377-385), quantiles of χ²_{n−1} give Q-profile
+    limits (Viechtbauer 2007, Statistics in Medicine 26, 37-52). 1/Q is concave (Q is a sum of z²/(d + τ²)), so Newton's
+    method for 1/Q = 1/target converges from below."""
     finite = np.isfinite(x)
     x, s2 = np.where(finite, x, 0.0), np.where(finite, s2, 1.0)
     statistic = finite.sum(axis=-1) - 1.0 if target is None else np.asarray(target, dtype=np.float64)
@@ -74,8 +71,7 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
-    """Return the Q-profile limits of τ²; `freedom` are the degrees of freedom of dependent numbers, such as axes of a
-    unit."""
+    """Return the Q-profile limits of τ²; `freedom` is that of dependent numbers, such as axes of a unit."""
     many, free = _freedom(x, freedom)
     ends = (
         2 * scipy.special.gammaincinv(free / 2, p) * many / free for p in ((1 + confidence) / 2, (1 - confidence) / 2)
@@ -87,12 +83,10 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
 def prediction_limits(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
-    """Return prediction limits at `confidence` for the true number of a further unit. At the true τ², Q(τ²) has a χ²
-    distribution with n − 1 degrees of freedom, which defines the confidence distribution of τ². The prediction is the
-    mixture over this distribution of normal distributions with the mean μ̂(τ²) and the variance τ² + Var μ̂ (Nagashima,
-    Noma and Furukawa 2019, Statistical Methods in Medical Research 28, 1689-1702). If the errors s_i are zero, this is
-    exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they are large, it includes the uncertainty of τ̂. `freedom`
-    replaces n − 1, and `widened` is a factor of Var μ̂ for dependent numbers."""
+    """Return prediction limits for a further unit's true number: normal N(μ̂(τ²), τ² + Var μ̂), mixed over the
+    confidence distribution of τ² by Q(τ²) ~ χ²_{n−1} (Nagashima, Noma and Furukawa 2019, Statistical Methods in Medical
+    Research 28, 1689-1702). Without errors it is μ̂ ± t_{n−1} τ̂ √(1 + 1/n). `freedom` replaces n − 1, and `widened`
+    multiplies Var μ̂ of dependent numbers."""
     means, sizes, weights = [], [], _SHARES
     for at in _over_spreads(x, s2, freedom):
         means.append(at.mean)
@@ -115,8 +109,7 @@ _SHARES = _LEGENDRE[1][::-1] / 2
 
 
 def _over_spreads(x: Matrix, s2: Matrix, freedom: Vector | None) -> Iterator[Effects]:
-    """Yield the mean and the spread at each node of the confidence distribution of τ², which has the weights
-    `_SHARES`."""
+    """Yield mean and spread at each node of the confidence distribution of τ², with weights `_SHARES`."""
     many, free = _freedom(x, freedom)
     start = None
     # The quantiles of χ² decrease from node to node, so τ² increases, and each search starts at the last solution.
@@ -142,13 +135,7 @@ def _mixture_cdf(means: Matrix, sizes: Matrix, weights: Vector, share: float) ->
 
 
 def holm(pvalues: ArrayLike) -> Vector:
-    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70): the probability of any
-    true hypothesis with an adjusted p-value of at most s is at most s, even for dependent tests. NaN is a test that was
-    not made.
-
-    >>> holm([0.01, 0.5, np.nan, 0.02])
-    array([0.03, 0.5 ,  nan, 0.04])
-    """
+    """Adjust p-values (n,) by Holm's method (1979, Scandinavian Journal of Statistics 6, 65-70); NaN is no test."""
     p = np.asarray(pvalues, dtype=np.float64)
     count = np.count_nonzero(~np.isnan(p))
     order = np.argsort(p, kind="stable")[:count]  # NaN is last

@@ -25,15 +25,7 @@ class Dialect(Enum):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number with its unit.
-
-    Attributes
-    ----------
-    value : float
-        The number.
-    unit : str
-        Unit, for example "s"; "" for a plain number.
-    """
+    """A number with its unit, for example "s"; "" for a plain number."""
 
     value: float
     unit: str = ""
@@ -68,16 +60,13 @@ def render(
     dialect: Dialect = Dialect.PYTHON,
     options: Mapping[str, str] | None = None,
 ) -> str:
-    """Fill a template with facts, for users of Python, the shell or HTML. HTML is escaped.
+    """Fill a template with facts, for users of Python, the shell or HTML, which is escaped.
 
-    - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{levels:@level}` a list after its noun
-      ("level 3", "levels 3 and 4"), `{time:moment}` a time to the millisecond,
-      `{time:span}` a duration in a readable unit, `{share:percent}` a percentage; or number formats such as `.3g`.
-    - `{--skip}` and `{--gaps=longest}` are options: `skip=` and `gaps='longest'` in Python, `--skip` and
-      `--gaps longest` in the shell. The value of `{--start=@first}` is the fact `first`. `{--columns=time:none}` leaves
-      a column out: `columns={'time': None}` in Python, `--columns time=` in the shell. `options` has the options of
-      one command that differ from the name of the argument.
-    - `{gmwm info}` is a command in the shell, and the equivalent call in Python. Text between backticks is code.
+    - `{name}` is a fact, with a number format or: `{count:#knock}` with noun, `{levels:@level}` list after noun,
+      `{time:moment}` to the millisecond, `{time:span}` in a readable unit, `{share:percent}`.
+    - `{--skip}`, `{--gaps=longest}` are options: `skip=`, `gaps='longest'` in Python, `--gaps longest` in the shell.
+      `{--start=@first}` has the fact `first`, and `{--columns=time:none}` leaves a column out. `options` renames them.
+    - `{gmwm info}` is a shell command, or the equivalent call in Python. Text between backticks is code.
 
     >>> template = "{count:#knock} at {first:moment}: leave them out with {--skip}."
     >>> facts = {"count": 2, "first": Quantity(612.5, "s")}
@@ -146,8 +135,7 @@ def fact_text(fact: Fact, spec: str = "") -> str:
 
 
 def join_names(names: Sequence[str], most: int = 6) -> str:
-    """Join names for a sentence, as in "a, b and c". Of many names, only the first ones and the number of the others
-    appear.
+    """Join names as in "a, b and c", or some and the number of the others.
 
     >>> join_names(["a"]), join_names(["a", "b"]), join_names(["a", "b", "c"]), join_names(list("abcdefgh"))
     ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')
@@ -167,8 +155,7 @@ def shell_option(argument: str) -> str:
 
 
 def shell_word(text: str) -> str:
-    """Return a text as one word of a command, with double quotes, which every shell and cmd understand. A text with
-    characters that are special within double quotes has single quotes, as in sh.
+    """Return text as a word for every shell, in double quotes, or single ones (sh) if special within these.
 
     >>> print(shell_word("GM + WN"), shell_word("static.csv"), shell_word('$x "y"'))
     "GM + WN" static.csv '$x "y"'

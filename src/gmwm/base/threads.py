@@ -1,8 +1,6 @@
-"""Parallel work in threads, its cancellation, locks of objects, and the memory that is left. Threads are enough,
-because the kernels release Python's global interpreter lock.
+"""Threads, cancellation, locks and left memory. Threads suffice, as kernels release Python's global interpreter lock.
 
-The threads of Polars do not exist in a forked process, so a call there would never return; an error is raised instead.
-"""
+The threads of Polars do not exist in a forked process, where a call would hang, so an error is raised instead."""
 
 from __future__ import annotations
 
@@ -36,8 +34,7 @@ _check: ContextVar[Callable[[], None]] = ContextVar("_check", default=lambda: No
 
 @contextmanager
 def stoppable(check: Callable[[], None]) -> Iterator[None]:
-    """Call `check` often during long work in this block, also in the threads that it starts; an exception ends the
-    work. `gmwm app` cancels a fit in this way."""
+    """Call `check` often in this block and its threads; an exception ends the work, as `gmwm app` cancels fits."""
     token = _check.set(check)
     try:
         yield
@@ -54,9 +51,7 @@ def in_threads(
     work: Callable[[str, Item], T], items: Mapping[str, Item], *, threads: int | None = None,
     done: Callable[[str], None] | None = None,
 ) -> dict[str, T]:  # fmt: skip
-    """Call a function for the name and the item of each entry, in parallel threads (one per processor by default).
-
-    `done` is called in the calling thread with each name when its work has ended. The order is that of the items.
+    """Call a function for each entry in parallel threads (one per processor by default), and `done` here after each.
 
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
     {'two': 4, 'three': 9}
@@ -97,8 +92,7 @@ def _call_by_name(work: Callable[[str, Item], T], name: str, item: Item) -> T:
 
 
 def return_memory() -> None:
-    """Return the memory of freed arrays below 32 MB, which the GNU C library keeps although it does not always fit
-    later. Otherwise, a calibration of six axes of 6 million samples in chunks needs 160 MB more."""
+    """Return freed arrays below 32 MB that the GNU C library keeps: 160 MB for six axes of 6 million samples."""
     trim = _trim()
     if trim is not None:
         trim(0)

@@ -64,15 +64,10 @@ def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]
 
 
 def lost_samples(late: ArrayLike, rate: float) -> NDArray[np.int64]:
-    """Return the number of samples lost in gaps. All parts of gmwm count them with this function.
+    """Return the number of samples lost in gaps, for all parts of gmwm.
 
-    Parameters
-    ----------
-    late : array of float
-        For each gap, the time (s) from the end of the last sample's interval to the sample after the gap. It is
-        negative if the clock was set back; then no sample is lost, and the result is negative too.
-    rate : float
-        Samples per second (Hz).
+    `late` (s) is from the last sample's interval to the next sample, negative as is the result if the clock was set
+    back.
 
     >>> lost_samples([0.02, -3.0], 100.0).tolist()
     [2, -300]
@@ -86,20 +81,14 @@ def gap_duration(lost: int, rate: float) -> float:
 
 
 def lost_before(rate: float, segments: ArrayLike, starts: ArrayLike) -> NDArray[np.int64]:
-    """Return the number of samples lost before each segment but the first; negative if the clock was set back.
-
-    >>> lost_before(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0]).tolist()
-    [20, -10070]
-    """
+    """Return the number of samples lost before each segment but the first; negative if the clock was set back."""
     times, ranges = np.asarray(starts, dtype=np.float64), np.asarray(segments)
     ends = times + (ranges[:, 1] - ranges[:, 0]) / rate
     return lost_samples(times[1:] - ends[:-1], rate)
 
 
 def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """Return the start time of each segment in seconds from the first sample, never before the end of the previous one.
-
-    If the clock was set back, the segment starts one interval after the last sample before it.
+    """Return segments' starts (s) from the first sample, one interval after the previous one if the clock was set back.
 
     >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
     [0.0, 5.0, 9.0]
@@ -127,13 +116,7 @@ _PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
 def parse_length(text: str, argument: str = "duration") -> float:
-    """Parse a duration (s): a number with a unit, a sum of these, or a number of seconds. `argument` is for errors.
-
-    >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
-    (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
-    >>> parse_length("100ms")
-    0.1
-    """
+    """Parse a duration (s): a number with a unit, a sum of these, or a number of seconds. `argument` is for errors."""
     plain = _PLAIN.fullmatch(text)
     terms, remainder = _TERM.findall(f"{plain[1]}s" if plain and not plain[2] else text), _TERM.sub("", text)
     terms = [] if remainder.strip() and not plain else terms

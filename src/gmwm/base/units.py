@@ -18,7 +18,7 @@ from gmwm.base.errors import DataError, OptionError, UnitError
 __all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
 
 
-Quantity = Literal["gyro", "accel"]
+Quantity = Literal["gyro", "accel", "position"]
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity g₀ in m/s² (exact, CGPM 1901)."""
@@ -62,11 +62,10 @@ _UNITS = (
     Unit("µg", "accel", STANDARD_GRAVITY / 1e6),
 )
 
-SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity
+SI_UNIT: dict[Quantity, str] = {"gyro": "rad/s", "accel": "m/s²"}  # the SI unit of each quantity of a sensor
 
 IMPOSSIBLE = 1e12
-"""Absolute value (rad/s or m/s²) above which no sensor can have measured a value. The limit is a choice: shock sensors
-measure up to 2e6 m/s², and 32-bit counts without a scale reach 2e9."""
+"""Value (rad/s, m/s²) that no sensor exceeds, a choice: shock sensors have 2e6 m/s², unscaled counts 2e9."""
 
 
 def beyond_sensors(values: Vector) -> NDArray[np.bool_] | None:
@@ -181,8 +180,6 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     return unit
 
 
-# --- units of time --------------------------------------------------------------------------------------
-
 TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 """Units of time stamps, with the number of each unit in a second."""
 
@@ -213,8 +210,6 @@ def find_time_unit(text: str) -> str:
     return TIME_WORDS.get(since.group(1).casefold() if since else bare.casefold().replace(" ", ""), "")
 
 
-# --- spellings ------------------------------------------------------------------------------------------
-
 # Spellings of the same unit, replaced in this order.
 _SPELLINGS = (
     (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
@@ -234,12 +229,9 @@ def spelt(text: str) -> str:
     return spelling
 
 
-# --- units of noise coefficients ----------------------------------------------------------------------
-
 _DEGREE = math.pi / 180
 
-# SI unit of a coefficient by the power of the second beside the signal's unit, and the units in which datasheets and
-# filters print it, the usual unit first, each with its size in SI.
+# SI unit by power of the second beside the signal's unit, and printed units, the usual first, with size in SI.
 _COEFFICIENTS: dict[Quantity, dict[float, tuple[str, tuple[tuple[str, float], ...]]]] = {
     "gyro": {
         1.0: ("rad", (("arcsec", _DEGREE / 3600), ("µrad", 1e-6))),
@@ -261,8 +253,7 @@ _SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
 
 
 def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
-    """Return the SI unit of a noise coefficient in (unit of the signal) · s^`time_power`, and the factor to it: 1 for
-    an unknown unit. The power is 1, ½, 0, −½ or −1, from quantization noise to ramps; `empty` replaces the unit "".
+    """Return the SI unit of (unit of the signal) · s^`time_power`, and the factor to it; `empty` replaces "".
 
     >>> noise_unit(0.5, "rad/s")
     ('rad/s/√Hz', 1.0)
@@ -285,10 +276,21 @@ def datasheet_units(si: str) -> dict[str, float]:
     return {name: 1 / size for name, size in _PRINTED.get(si, ())}
 
 
+def usual_unit(si: str) -> tuple[str, float]:
+    """Return the usual datasheet unit of a coefficient and the factor from SI; the unit itself if it has none.
+
+    >>> usual_unit("m/s²")[0], usual_unit("V")
+    ('mg', ('V', 1.0))
+    """
+    return next(iter(datasheet_units(si).items()), (si, 1.0))
+
+
 T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
+POSITIONS = ("east", "north", "up", "level")  # the names of the components of a position series; level is of the sea
+LENGTHS = {name: Unit(name, "position", size) for name, size in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3))}
 
 
 def sensor_of(axis: str) -> str:
@@ -322,7 +324,15 @@ def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
 
 
 def axis_quantity(axis: str) -> Quantity:
-    """Return the quantity that an axis measures, "gyro" or "accel". Sensors of an array may have numbers: gyro_1."""
+    """Return the quantity that an axis measures: "gyro", "accel" or "position". Sensors of an array may have numbers:
+    gyro_1."""
+    if axis in POSITIONS:
+        return "position"
     if axis not in AXES and not (sensor_of(axis) in ("gyro", "accel") and letter_of(axis).isdecimal()):
         raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
     return "gyro" if axis.startswith("gyro") else "accel"
+
+
+def si_unit(axis: str) -> str:
+    """Return the SI unit of an axis, "m" for a position."""
+    return SI_UNIT.get(axis_quantity(axis), "m")

@@ -29,8 +29,7 @@ from gmwm.theory.processes.model import Model
 
 _SLOW = ("R",)  # symbols of the datasheet numbers that depend on the slow terms of a model
 _SIGNED = "R"
-"""Symbol of the rate ramp, which has a sign and a symmetric interval. The intervals of the other numbers are symmetric
-on a logarithmic scale."""
+"""Symbol of the rate ramp, with sign and symmetric interval; the others are symmetric on a logarithmic scale."""
 
 _SHARED = ("N", "K")  # symbols of the numbers that are also tested for all axes of a sensor together: those of a filter
 _Z = NormalDist().inv_cdf(0.975)
@@ -164,9 +163,6 @@ def _where(
     return recordings
 
 
-# --- the tests --------------------------------------------------------------------------------------
-
-
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
     """Return the numbers of one axis, each with the p-value of its test, not adjusted for the number of tests."""
     axis_sheets = [sheet.get(axis) for sheet in sheets]
@@ -220,8 +216,7 @@ def _is_known(entry: Entry) -> bool:
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """Return the p-value of the test that all entries have the same value. Each entry comes with half the width of its
-    interval in standard errors. The logarithm is used unless the number is `signed`."""
+    """Return the p-value that entries, with half widths in standard errors, are equal; logarithms unless `signed`."""
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -246,9 +241,8 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """Return the p-value for the difference between an upper limit and a larger value x with the standard error s. Both
-    intervals are widened by the same number of standard errors until they meet: an upper bound, because errors add by
-    squares. An amplitude is widened on the scale of the variance, an Allan number on a logarithmic scale."""
+    """Return the p-value of a limit against a larger x with error s: both intervals widen until they meet, an upper
+    bound, as errors add by squares. Amplitudes widen by variance, Allan numbers by logarithm."""
 
     def apart(width: float) -> bool:
         value, high, share = abs(limit.value), limit.high or 0.0, width / z
@@ -352,9 +346,6 @@ def _adjust(rows: Sequence[Tested], size: float) -> list[Tested]:
         row if row.pvalue is None else replace(row, adjusted=p, agrees=p > size)
         for row, p in zip(rows, adjusted, strict=True)
     ]
-
-
-# --- the reference values ----------------------------------------------------------------------------
 
 
 def _beside(

@@ -42,8 +42,7 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def _heads(found: Agreement) -> tuple[list[str], list[str]]:
-    """Return the column headings, and lines that explain them. If the names of the recordings are too long for a table,
-    the headings are numbers, and the lines list the names."""
+    """Return column headings and their explanation; names of recordings too long for a table become numbers."""
     if sum(len(label) + 2 for label in found.labels) <= TEXT_WIDTH - 24:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
@@ -51,8 +50,7 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
 
 
 def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """Return a table with a column for each recording, split into several tables if too wide. `rows` returns the rows
-    for the headings and the range of some recordings."""
+    """Return a table with a column for each recording, or several if too wide; `rows` makes rows of some."""
     lines: list[str] = []
     for count in range(len(heads), 0, -1):
         lines = []
@@ -346,8 +344,6 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     def __repr__(self) -> str:
         return f"Agreement({len(self.compared)} numbers compared, {len(self.disagreeing)} differ)"
 
-
-# --- remarks -------------------------------------------------------------------------------------------
 
 _RAMP = "R"
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.choosing.selection.ranking import Candidate, Ranking
@@ -20,14 +21,12 @@ from gmwm.theory.processes.parameter import Parameter
 LEAST_WEIGHT = 0.02
 """Smallest weight of a model in the average, relative to the best model (docs/validation/sensors.md)."""
 EQUIVALENT_DIFFERENCE = 4.0
-"""Limit for the criterion of a model minus the best criterion, if the test finds the model equivalent to the best one.
-A larger difference is replaced by this limit, because it is due to chance (docs/validation/sensors.md)."""
+"""Criterion difference of equivalent models at most: larger ones are due to chance (docs/validation/sensors.md)."""
 MOST_MODELS = 5  # largest number of models in the average
 SAME_PROCESS_RATIO = 5.0
 """Largest ratio of the correlation times of Gauss-Markov terms in two models that are treated as the same process."""
 OF_WHITE = ("N",)
-"""Symbol of white noise. In a model without white noise that fits as well, a fast process takes its place, so such a
-model says nothing about the white noise of another one."""
+"""Symbol of white noise; in an equally good model without it, a fast process replaces it, which says nothing of it."""
 UNDETERMINED_RATIO = 1e4
 """Largest ratio of the ends of the interval of q_c for which a Gauss-Markov term counts as determined. A model with an
 undetermined term is no better than a smaller model, and its intervals are not valid (docs/validation/sensors.md)."""
@@ -35,14 +34,12 @@ _TIMES = ("T_c", "q_c")
 _LINE = ("f_0", "A")
 WALK = "K"  # symbol of the rate random walk in a datasheet
 WALK_SHARE = 0.01
-"""Smallest correlation time of a Gauss-Markov term, relative to the length of the recording, for which the term is
-treated as a random walk with K = q_c (docs/validation/sensors.md)."""
+"""Correlation time over length from which a GM term is a walk with K = q_c (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WeightedEstimate:
-    """Estimate of a number from one model with its positive interval; with `upper_only`, only `high` is valid. `weight`
-    is relative."""
+    """Estimate from one model with positive interval (`upper_only`: only `high`) and relative `weight`."""
 
     weight: float
     value: float
@@ -58,23 +55,9 @@ ABSENT = WeightedEstimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=T
 def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tuple[float, float]:
     """Return a confidence interval of a number, averaged over several models.
 
-    In each model, the logarithm of the number has a normal distribution whose mean and width follow from the estimate
-    and its interval. At each end of the averaged interval, the weighted mean of the tail areas of the models is
-    (1 − level) / 2. The lower end is 0 if the models in which the number is zero have more weight than this.
-
-    References
-    ----------
-    Turek and Fletcher (2012), Model-averaged Wald confidence intervals, Comput. Stat. Data Anal. 56, 2809-2815.
-
-    Examples
-    --------
-    >>> one = WeightedEstimate(weight=1.0, value=1.0, low=0.5, high=2.0)
-    >>> low, high = averaged_interval([one], 0.95)
-    >>> round(low, 3), round(high, 3)
-    (0.5, 2.0)
-    >>> averaged_interval([one, replace(ABSENT, weight=0.5)], 0.95)[0]
-    0.0
-    """
+    Logarithms are normal in each model; at each end, the weighted tail areas have the mean (1 − level) / 2, or the
+    lower end is 0 if models without the number weigh more. Source: Turek and Fletcher (2012), Model-averaged Wald
+    confidence intervals, Comput. Stat. Data Anal. 56, 2809-2815."""
     law, tail = NormalDist(), (1 - level) / 2
     reach = law.inv_cdf(1 - tail)
     total = sum(e.weight for e in estimates)
@@ -105,10 +88,9 @@ def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tu
 
 
 def _crossing(above: Callable[[float], float], wanted: float, first: float, last: float) -> float:
-    for _ in range(80):  # halvings, to the last digit
-        middle = (first + last) / 2
-        first, last = (middle, last) if above(math.exp(middle)) > wanted else (first, middle)
-    return math.exp((first + last) / 2)
+    if above(math.exp(first)) <= wanted:
+        return math.exp(first)
+    return math.exp(scipy.optimize.brentq(lambda y: above(math.exp(y)) - wanted, first, last, xtol=1e-15))
 
 
 def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
@@ -125,9 +107,8 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
-    """Return the datasheet of the recommended model, with intervals that include the uncertainty of the model choice.
-    Each interval is the union of the one in the recommended model and the average over all models. The number becomes
-    an upper limit if the models without it have more than (1 − level) / 2 of the total weight."""
+    """Return the recommended model's datasheet; each interval is the union with the average over models. A number is a
+    limit if models without it have over (1 − level) / 2 of the weight."""
     others = []
     for weight, candidate in weighted_candidates(ranking):
         if candidate.recommended:
@@ -147,9 +128,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
 def with_band(
     sheet: Datasheet, errors: Mapping[str, float], lines: Iterable[Line], level: float
 ) -> Datasheet:  # fmt: skip
-    """Return the datasheet with intervals for numbers from the spectrum: f_b, whose relative standard errors are in
-    `errors` by symbol, and lines. The fit holds these numbers, so they have no interval yet. The strongest line comes
-    first."""
+    """Add intervals of f_b (relative `errors`) and of lines, strongest first, which the fit holds."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
     errors = {**errors, **_line_errors(sheet, lines)}
 
@@ -209,8 +188,7 @@ def _base(symbol: str) -> str:
 
 
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
-    """Return the entry for the same number in the datasheet of another model; None if there is none. Gauss-Markov terms
-    are matched by correlation time, a random walk with a slow Gauss-Markov term if there is no walk."""
+    """Return another model's entry of the same number, or None; GM terms match by correlation time, even a walk."""
     base = _base(entry.symbol)
     if base != entry.symbol and base not in _TIMES and "[" not in entry.symbol:
         same = next((e for symbol, e in other.items() if _base(symbol) == base != symbol), None)
@@ -236,8 +214,7 @@ def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
 
 
 def _slow(times: Mapping[str, float], duration: float) -> dict[str, float]:
-    """Return only those correlation times (s) that are long enough to treat the term as a random walk (see
-    `WALK_SHARE`)."""
+    """Return the correlation times (s) of terms that are treated as random walks (see `WALK_SHARE`)."""
     return {name: time for name, time in times.items() if time >= WALK_SHARE * duration}
 
 
@@ -247,8 +224,7 @@ def is_walk(process: Process, rate: float) -> bool:
 
 
 def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
-    """Return the correlation time (s) of a Gauss-Markov process that could replace the random walk, or None. It belongs
-    to another model that fits as well, and is 1 % to 100 % of the recording."""
+    """Return the correlation time (s), 1 to 100 % of the recording, of a GM that could replace the walk, or None."""
     term = next((entry for entry in sheet.values() if entry.symbol.startswith(f"{WALK} of ")), None)
     walk, duration = term or sheet.get(WALK), sheet.samples / sheet.rate
     recommended = [candidate.fit.model for candidate in ranking.distinct if candidate.recommended]
@@ -271,8 +247,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
 def averaged_intervals(
     fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of the parameters, widened by the uncertainty of the model choice. The interval of a
-    parameter from which alone a number follows corresponds to at least the interval of the number."""
+    """Return parameters' intervals, widened by the model choice as those of numbers that follow from one alone."""
     rate, widened = fit.wavelet_variance.rate, dict(intervals)
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         for number in process.physical(rate) if process.scale > 0 else ():
@@ -294,8 +269,7 @@ def averaged_intervals(
 
 
 def _narrow_enough(parameter: Parameter | None, interval: tuple[float, float]) -> tuple[float, float]:
-    """Return an interval of a parameter, or a limit if it is wider than an interval of a number may be. A scale that is
-    a variance counts by its square root."""
+    """Return a parameter's interval, or a limit if wider than a number's may be; variances by square root."""
     low, high = interval
     power = None if parameter is None else parameter.scale_power
     if low <= 0 or high <= low * WIDEST_INTERVAL ** (1.0 if power is None else 2.0 / power):

@@ -83,9 +83,7 @@ def choose_model(
     wv: WaveletVariance, spectrum: PowerSpectrum | None, options: CalibrationOptions, *,
     check: Callable[[], None] = lambda: None,
 ) -> ModelChoice:  # fmt: skip
-    """Search for the model of one axis, compare the models within a largest one, or use the model of the user, as the
-    options of the axis say. `check` is called often and may raise to stop. Raises a GmwmError if, for example, the
-    recording is too short."""
+    """Search the model of an axis, compare those within a largest one, or use the user's; `check` may raise to stop."""
     require_scales(wv)
     if options.models:
         return given_model(options.general, wv, options.ranking)
@@ -96,8 +94,7 @@ def choose_model(
 
 
 def final_fit(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
-    """Fit a model until its weights have converged, and certify the optimum. Remarks replace Python warnings, whose
-    filters threads would share."""
+    """Fit a model until its weights converge, certified; remarks replace warnings, whose filters threads share."""
     return Fit.of(settle(model, wv, weighting, certify=True), wv, weighting)
 
 
@@ -107,8 +104,7 @@ def given_fit(model: Model, wv: WaveletVariance, options: CalibrationOptions) ->
 
 
 def _left_in(fit: Fit, raw: WaveletVariance, options: CalibrationOptions) -> float | None:
-    """Return K (SI) from the curve without the removal of the conditions; None if unknown. A random walk is added to a
-    model that has none."""
+    """Return K (SI) of the curve with the effect of conditions, from a model with a walk; None if unknown."""
     walks = any(is_walk(process, fit.wavelet_variance.rate) for process in fit.model.processes)
     model = fit.model if walks else Model((*fit.model.processes, RW()))
     try:
@@ -146,9 +142,8 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """Return the recording length (s) that gives each poorly known parameter a relative standard error of 20 %. These
-    parameters have one above 50 %. The length is doubled up to ten times, then it is infinite. It is None if the data
-    cannot distinguish a term from a simpler process, because theory cannot predict the error."""
+    """Return lengths (s) that give parameters with relative errors above 50 % one of 20 %: doubled up to ten times,
+    then infinite; None if a term acts as a simpler process, as theory cannot predict its error."""
     shares = np.sqrt(np.diag(fit.sandwich.relative)).tolist()
     poor = [name for name, share in zip(fit.sandwich.names, shares, strict=True) if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:
@@ -274,8 +269,7 @@ def _recording_remarks(
     inspections: Mapping[str, Sequence[Inspection]], axes: Mapping[str, AxisCalibration],
     verdicts: Mapping[str, Mapping[str, Verdict]], findings: Mapping[str, Sequence[Sequence[object]]],
 ) -> Iterator[Remark]:  # fmt: skip
-    """Yield the remarks on the recordings from inspections, outlier tests and additions. Remarks that do not apply to
-    all recordings name theirs."""
+    """Yield remarks from inspections, outlier tests and additions; those not on all recordings name theirs."""
     by_recording: dict[str, list[Remark]] = {}
     for name, of_parts in inspections.items():
         remarks = by_recording[name] = []

@@ -40,8 +40,7 @@ class Recordings:
 
     @classmethod
     def of(cls, data: Any, options: CalibrationOptions) -> Recordings:
-        """Check the data and the options that concern axes. Raises an OptionError or a DataError that says what is
-        wrong."""
+        """Check the data and the options that concern axes; OptionError or DataError say what is wrong."""
         by_name = recordings_by_name(data)
         if len(by_name) > 1 and options.conditions.arrays:
             raise OptionError(
@@ -82,8 +81,7 @@ def _parts_of(inputs: Mapping[str, AxisInput | None], axes: Sequence[str]) -> tu
 
 
 def recordings_by_name(data: Any) -> dict[str, Any]:
-    """Return the recordings by name; a single one has the name "". In a list, they are named after their files without
-    extension, or numbered if these names are not unique."""
+    """Return recordings by name: "" for one, file names in a list, or numbers if these are not unique."""
     if isinstance(data, Mapping) and len(data) > 1 and all(isinstance(item, Imu | Streamed) for item in data.values()):
         return dict(data)
     if not isinstance(data, list | tuple):

@@ -59,8 +59,7 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """Restore a ranking from the result of `ranking_document` and the wavelet variance of its fits, or raise a
-    ReadError."""
+    """Restore a ranking from `ranking_document` and its wavelet variance; ReadError if impossible."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])

@@ -38,26 +38,22 @@ if TYPE_CHECKING:
 TEST_SIZE = 0.05
 """Significance level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 LEAST_SCALES_FOR_USE = 7
-"""Smallest number of usable scales for which the numbers of a calibration can be used. With fewer scales, the selection
-misses one of two terms, whose curves cross at a scale of 16 samples, in more than half of the recordings
-(tests/calibration/test_short.py)."""
+"""Scales from which numbers can be used; with fewer, one of two terms that cross at 16 samples is missed in over half
+of the recordings (tests/calibration/test_short.py)."""
 LEAST_LONGEST_SCALE_S = 2.0
 """Smallest longest usable scale (s) at which B and K can be used. Pinned by tests/calibration/test_short.py."""
 LEAST_SCALES = 4
-"""Smallest number of usable scales for which a recording is calibrated. With fewer scales, the selection recommends a
-model other than white noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
+"""Scales for a calibration; with fewer, > 5 % of white noise gets another model (tests/calibration/test_short.py)."""
 PLANNED_ERROR = 0.2
 """Relative standard error that the recommended recording lengths achieve (tests/calibration/test_calibrate.py)."""
 RAISED_N = 1.1
 """Factor by which an oscillation raises N of the default filter from which a remark says so. Below it, N is the white
 noise of the sensor within the usual tolerance of a datasheet, 10 % (tests/calibration/test_spectrum.py)."""
 CLOSE_MISFIT = 0.05
-"""Largest relative misfit for which a rejected model can still be used. The misfit is taken over the scales with more
-than 30 degrees of freedom. Datasheet numbers are square roots of variances, so their relative error is about half of
-the misfit (docs/validation/sensors.md)."""
+"""Relative misfit (levels with over 30 degrees of freedom) up to which rejected models are used; numbers, roots of
+variances, have half of it (docs/validation/sensors.md)."""
 LARGE_MISFIT = 1.5
-"""Ratio of the wavelet variances of model and data (or its inverse) above which a remark says that the model does not
-describe the data (tests/calibration/test_misfit.py)."""
+"""Ratio of variances of a remark that the model does not describe the data (tests/calibration/test_misfit.py)."""
 
 SMALL_OUTLIER_SHARE = 0.01
 """Share of N² that is due to wrong samples too small to be found, above which N is an upper limit, 0.5 % too large."""
@@ -295,8 +291,7 @@ def _excess(verdict: Verdict) -> dict[str, Fact]:
 
 
 def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
-    """Return the remark on parameters with a large standard error, with the recording lengths that would reduce it. The
-    power of an oscillation is named by its frequency, as in tables."""
+    """Return the remark on parameters with large errors and lengths that reduce them; oscillations by frequency."""
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
         f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
@@ -329,9 +324,6 @@ def _longest_unbroken(wv: WaveletVariance) -> float:
     design = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(design)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
-
-
-# --- lines and resonances -----------------------------------------------------------------------------
 
 
 def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
@@ -389,8 +381,7 @@ def oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
 
 
 def _is_oscillation(line: Line, fit: Fit) -> bool:
-    """Return whether a line belongs to an oscillation of the model, whose density there is a tenth of its peak at
-    least. Such a peak of some width has many maxima by chance."""
+    """Return whether a line is one of an oscillation's many maxima: its density there is ≥ a tenth of the peak's."""
     rate = fit.wavelet_variance.rate
     for process in fit.model.processes:
         if (peak := process.oscillation()) is not None and process.line(rate) is None and peak < rate / 2:
@@ -416,8 +407,7 @@ def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark
 
 
 def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
-    """Return the largest share A² |H_j(f)|² / 2 that lines have in the wavelet variance of a level j, and its scale
-    (s). |H_j|² is the squared gain of the filter."""
+    """Return the largest share A² |H_j(f)|² / 2 of lines in a level, with squared gain |H_j|², and its scale (s)."""
     wavelet = find_filter(wv.filter)
     cycles = np.array([line.frequency for line in lines]) / wv.rate
     powers = np.array([line.amplitude for line in lines]) ** 2 / 2

@@ -45,8 +45,7 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredAxis:
-    """One axis of one or several recordings of a unit, before a model is chosen. The mappings have one entry for each
-    recording, by its name; the name of a single recording is ""."""
+    """One axis of a unit's recordings before a model is chosen, in mappings by recording, "" for a single one."""
 
     axis: str
     # The two wavelet variances. A curve that the user gave is in one of them only.
@@ -70,8 +69,7 @@ class MeasuredAxis:
         return self.regressions.get("")
 
     def verdict(self, *, robust: bool) -> Verdict | None:
-        """Return the most severe outlier test with the wrong samples of all recordings; the test of the efficiency
-        belongs to a `robust` curve."""
+        """Return the most severe outlier test over recordings; the test of the efficiency is for `robust` curves."""
         verdicts = list(self.verdicts.values())
         if not verdicts:
             return None
@@ -85,10 +83,8 @@ class MeasuredAxis:
         )
 
     def curve(self, options: CalibrationOptions) -> WaveletVariance:
-        """Return the wavelet variance to fit: the mean over the recordings, without the effect of the conditions. With
-        robust="auto", it is the robust one if remaining bursts (motion, or too many knocks) raise the classical curve
-        of any recording. A classical curve includes the additional covariance from heavy tails. Raises a DataError if
-        the axis is constant, the recordings cannot be pooled, or the curve to fit was not given."""
+        """Return the wavelet variance to fit: the mean over recordings, without the effect of conditions. "auto" is
+        robust if bursts (motion, too many knocks) raise a classical curve, which has the covariance of heavy tails."""
         removed = {name: item for name, item in self.regressions.items() if item.applied}
         curves = self._curves(options)
         return pool({name: removed[name].corrected(wv) if name in removed else wv for name, wv in curves.items()})
@@ -130,8 +126,7 @@ class MeasuredAxis:
 
 
 class Measurements(NamedTuple):
-    """The measured axes, or the error of each; inspections of the parts of each recording; for each part, the findings
-    of `recording_additions` in their order."""
+    """Measured axes or errors; inspections of each recording's parts; findings of `recording_additions` by part."""
 
     axes: dict[str, MeasuredAxis | GmwmError]
     inspections: dict[str, list[Inspection]]
@@ -139,8 +134,7 @@ class Measurements(NamedTuple):
 
 
 def measure(recordings: Recordings, options: CalibrationOptions, run: Execution = IN_THIS_PROCESS) -> Measurements:
-    """Measure the axes of one or several recordings, with the options `against`, `efficiency`, `gravity` and `tilt`.
-    Raises an OptionError if workers cannot read a recording, or if `against` needs samples that are not there."""
+    """Measure the axes of recordings; OptionError if workers cannot read one, or `against` lacks samples."""
     if run.remote:
         _require_one_stream(recordings, "workers" if run.scheduler is None else "scheduler")
     parts: dict[str, list[MeasuredAxis | GmwmError]] = {axis: [] for axis in recordings.axes}
@@ -242,8 +236,7 @@ def _read(part: Part, axes: Sequence[str], options: CalibrationOptions, run: Exe
 
 
 def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:
-    """Return the time (s) at the beginning of a recording to leave out because of a warm-up; 0 for none. The arrays of
-    covariates belong to the whole recording."""
+    """Return the time (s) of a warm-up to leave out, or 0: arrays of covariates belong to the whole recording."""
     if options.warmup == "keep" or options.conditions.arrays:
         return 0.0
     return beginning_to_omit(inspection.trends, inspection.duration) or 0.0
@@ -313,17 +306,15 @@ def _curves_of(
 
 
 def _raw(axis: str, part: Part, conditions: Conditions) -> WaveletVariance | None:
-    """Return the wavelet variance from which an effect of the conditions is not removed; None if none is removed, or if
-    this curve is not known."""
+    """Return the curve with the effect of conditions; None if none is removed, or if it is not known."""
     if conditions.applied_regression(axis) is None:
         return None
     return wavelet_variance(part.signals[axis]) if isinstance(part, Imu) else conditions.raw.get(axis)
 
 
 def _beginnings(part: Part, items: Mapping[str, AxisAccumulator], conditions: Conditions) -> dict[str, Signal]:
-    """Return the first samples of each axis for the additions, without isolated wrong samples and knocks, which a
-    monitor must report. The effect of conditions is not removed, because a monitor does not remove it either; if it was
-    removed while the recording was read, the beginning is read again."""
+    """Return the first samples for the additions, without wrong ones and knocks, which a monitor must report. The
+    effect of conditions stays, as in a monitor; if it was removed while reading, they are read again."""
     beginnings = {
         axis: item.beginning
         for axis, item in items.items()
@@ -347,8 +338,7 @@ def _first_samples(recording: Part) -> Mapping[str, Signal]:
 def _together(
     parts: Sequence[MeasuredAxis | GmwmError], accumulators: Sequence[AxisAccumulator], day: tuple[Line, ...]
 ) -> MeasuredAxis | GmwmError:
-    """Return one axis of all recordings, with its spectrum and the lines of a day; the first error if it cannot be
-    measured in one of them."""
+    """Return one axis of all recordings with its spectrum and a day's lines, or the first error."""
     mappings: dict[str, dict[str, Any]] = {}
     for part in parts:
         if isinstance(part, GmwmError):

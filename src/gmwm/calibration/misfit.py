@@ -37,8 +37,7 @@ def is_line(kind: type[Process]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class LargestMisfit:
-    """Scale `tau` (s) at which a model is farthest from the data, `ratio` of model to data, and symbols of the
-    `numbers` that depend on short or on long scales, whichever this is."""
+    """Scale `tau` (s) of the largest distance, its `ratio`, and the `numbers` of that end (short or long scales)."""
 
     tau: float
     ratio: float
@@ -51,8 +50,7 @@ class LargestMisfit:
 
 
 def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
-    """Return the largest misfit among the tested levels at which the model is outside the limits of the data; None if
-    it is inside everywhere. Other levels have few coefficients and a large variance."""
+    """Return the largest misfit outside the data's limits, or None, among tested levels: others vary too much."""
     wv = found.fit.wavelet_variance
     outside = _outside(found.fit) & in_any_recording(found, _outside)
     if found.test is not None:
@@ -69,11 +67,8 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
 
 
 def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> Mask:
-    """Return a mask (J,) of the levels that `levels` finds in the fit of at least one of several recordings.
-
-    The mean of several recordings is known more precisely than each of them, and it differs from a model if the
-    recordings differ. A misfit that no recording shows by itself is no reason against numbers that each one gives.
-    """
+    """Return the levels (J,) found in the fit of at least one recording: a mean of different recordings deviates
+    significantly, which is no reason against each one's numbers."""
     mask = np.full(len(found.fit.wavelet_variance), found.replicates is None)
     for single in () if found.replicates is None else found.replicates.fits.values():
         in_single = levels(single)
@@ -93,8 +88,7 @@ def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
 
 
 def _middle(found: AxisCalibration) -> float:
-    """Return the scale (s) between short and long scales: the minimum of the Allan deviation, or the geometric mean of
-    all scales."""
+    """Return the scale (s) of the minimal Allan deviation, or the geometric mean, between short and long scales."""
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:

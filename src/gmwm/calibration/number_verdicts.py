@@ -16,9 +16,8 @@ from gmwm.choosing.datasheets import Entry
 MAIN = ("N", "K", "B")
 """Symbols of the numbers that the verdict of a calibration counts."""
 MEMORIES_OF_FILTER = 30.0
-"""Scales longer than this multiple of the time N/K over which a filter averages do not affect its K. They contribute
-less than 1 % of the prediction error from flicker noise, and 13 % of that from a random walk, because the error of the
-filter falls with the square of the frequency. Pinned by tests/calibration/test_number_verdicts.py."""
+"""Scales over N/K beyond which a filter's K is unaffected: < 1 % of the error from flicker, 13 % from a walk, as its
+error falls with the squared frequency (tests/calibration/test_number_verdicts.py)."""
 OF_FILTER = ("N", "K")
 """Symbols of the numbers of a filter."""
 OF_FIT = ("model-misfit", "coarse-misfit")
@@ -45,17 +44,7 @@ class Usability(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NumberVerdict:
-    """Whether one number of an axis can be used.
-
-    Attributes
-    ----------
-    symbol : str
-        Symbol of the number, such as "N".
-    usability : Usability
-        Use it, use it as a bound, or do not use it.
-    reason : Remark or None
-        The most severe remark that is the reason; None if the number can be used, or if the data do not determine it.
-    """
+    """Whether the number `symbol` can be used, or only as a bound; `reason` is the worst remark against it, or None."""
 
     symbol: str
     usability: Usability

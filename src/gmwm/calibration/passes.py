@@ -32,8 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Execution:
-    """How a recording is read, which changes no number: threads, processes of a stream as in `calibrate`, and a
-    function that is called with the progress as text."""
+    """How a recording is read, without effect on numbers: threads, processes, and a function for progress."""
 
     threads: int | None = None
     scheduler: str | Client | None = None
@@ -74,10 +73,9 @@ def needed_beginning() -> int:
 
 
 class AxisAccumulator:
-    """Wavelet variances (`curves`; None if another process has them), outliers, tails and spectrum of one axis. The
-    wavelet variances are computed in the context `turn`, a lock that the axes of a stream share to save memory. The
-    first `beginning` samples are kept without knocks in `beginning`, and all samples until `forget` is called if
-    `keep`."""
+    """Wavelet variances (or None, elsewhere), outliers, tails and spectrum of one axis. `turn` is a lock for them that
+    a stream's axes share to save memory; the first `beginning` samples are kept without knocks, with `keep` all until
+    `forget`."""
 
     def __init__(
         self, rate: float, unit: str, axis: str, curves: AxisCurves | None = None, *,
@@ -93,8 +91,7 @@ class AxisAccumulator:
         self._samples: list[tuple[Signal, bool]] = []
 
     def clean(self, signal: Signal) -> Signal:
-        """Return a batch with its isolated wrong samples and knocks replaced, and count them. Pulses of noise with two
-        levels look like knocks, so they are kept."""
+        """Return a batch with wrong samples and knocks replaced and counted, without pulses of two-level noise."""
         if not self.two_levels:
             result = cleaned(signal)
             self._replaced += result.replaced
@@ -142,8 +139,7 @@ class AxisAccumulator:
         return self._screening.result(replaced=self._replaced)
 
     def spectrum(self, others: Sequence[AxisAccumulator] = ()) -> PowerSpectrum | None:
-        """Return the power spectrum of this and other recordings together, smoothed except at lines; None if there are
-        too few samples."""
+        """Return the spectrum of these recordings, smoothed except at lines; None if there are too few samples."""
         together = self._spectrum
         try:
             for other in others:
@@ -164,9 +160,8 @@ def read_recording(
     recording: Imu | Streamed, axes: Sequence[str], efficiency: float, conditions: Conditions = NOTHING,
     run: Execution = IN_THIS_PROCESS,
 ) -> Passes:  # fmt: skip
-    """Accumulate some axes of a recording and inspect all of its axes, in the same passes over the samples. The effects
-    in `conditions` are removed before the samples are measured, but not before the inspection, except in its test for
-    trends."""
+    """Accumulate axes and inspect all in the same passes; effects in `conditions` are removed first, but for the
+    inspection only in its test for trends."""
     if run.remote:
         from gmwm.files.readers.streams import Stream
 
@@ -310,8 +305,7 @@ def _measure_remotely(
     stream: Stream, axes: Sequence[str], *, efficiency: float, conditions: Conditions, run: Execution,
     robust: bool = True, inspected: tuple[str, ...] = (), change: Callable[[Signal], Signal] | None = None,
 ) -> tuple[dict[str, AxisCurves], Remote]:  # fmt: skip
-    """Measure the curves of a stream with workers, one of which inspects the stream and accumulates the other
-    statistics of the axes `inspected`."""
+    """Measure a stream's curves with workers, one of which inspects it and accumulates the axes `inspected`."""
     from gmwm.measuring.streaming.cluster import measure_in_parts, part_levels
     from gmwm.measuring.streaming.scheduling import connect
 

@@ -22,9 +22,8 @@ _RAMP = "R"  # symbol of the rate ramp in a datasheet
 def recording_remarks(
     inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
 ) -> Iterator[Remark]:
-    """Yield the remarks of an inspection that matter for the calibration. Remarks on trends and quantization name the
-    affected numbers. A linear trend that the model describes as a drift is left out, a swing that it describes as a
-    line, knocks, and motion that was replaced like a knock."""
+    """Yield the remarks of an inspection that matter, with affected numbers. Trends and swings that the model
+    describes, and knocks and motion that were replaced, are left out."""
     for remark in inspection.remarks:
         if remark.code == "knocks" or _is_replaced(remark, verdicts):
             continue

@@ -18,31 +18,9 @@ from gmwm.measuring.inspection import Inspection
 class Recording(Documented):
     """Length, time base and file of a recording.
 
-    Attributes
-    ----------
-    samples, rate, duration : int, float (Hz), float (s)
-        Number of samples of each axis, sampling rate, and duration without gaps.
-    segments : int
-        Number of segments between gaps.
-    missing : float
-        Total duration of the gaps (s).
-    jitter : float or None
-        Root mean square jitter of the time stamps (s); None if the recording has no time stamps.
-    static : bool
-        Whether the unit was at rest, because no motion was found.
-    knocks : int
-        Number of knocks (bursts of outliers).
-    gravity : float or None
-        Norm of the mean specific force (m/s²); None without three accelerometers.
-    temperature : (lowest, highest) or None
-        Range of the temperature (°C); None if it was not recorded.
-    file : str
-        Name of the file, without folders; "" if it is not known.
-    size : int or None
-        Size of the file (bytes).
-    sha256 : str or None
-        SHA-256 of the file, which identifies the recording.
-    """
+    `duration` (s) excludes gaps, which last `missing` (s); `jitter` (s) is the RMS one of time stamps; `static` means
+    that no motion was found; `gravity` (m/s²) is the norm of the mean specific force; `temperature` its range (°C),
+    `file` a name without folders. None or "": not known."""
 
     samples: int
     rate: float
@@ -66,8 +44,8 @@ class Recording(Documented):
         return cls(
             samples=inspection.samples, rate=inspection.rate, duration=inspection.duration,
             segments=inspection.segments, missing=float(missing), jitter=float(base.jitter) if base.stamped else None,
-            static=bool(inspection.static), knocks=len(inspection.knocks), gravity=inspection.gravity,
-            temperature=inspection.temperature,
+            static=bool(inspection.static), knocks=len(inspection.knocks) * inspection.has_knocks,
+            gravity=inspection.gravity, temperature=inspection.temperature,
         )  # fmt: skip
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:

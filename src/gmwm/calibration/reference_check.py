@@ -28,8 +28,7 @@ Verdict = Literal["agrees", "close", "larger", "smaller", "unusable", "unknown"]
 ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 
 CLOSE_DIFFERENCE = 0.1
-"""Largest relative difference for which a reference outside the confidence interval counts as close. Datasheets round
-their numbers to two digits."""
+"""Relative difference of a close reference outside the interval; datasheets round to two digits."""
 LEAST_UNIT_RATIO = 3.0
 """Smallest ratio (or inverse ratio) of measured and reference value for which a wrong unit is suspected."""
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}
@@ -87,8 +86,7 @@ class ReferenceNumber(Documented):
         """The measured value, or its upper limit, in the convention of the file; None if the reference is no file."""
         if not self.written or not self.ratio:
             return None
-        # The value in the file and the reference are the same number in two conventions, so their ratio converts the
-        # measured value too. If the file contains variances, the ratio is squared.
+        # File and reference have two conventions of one number, so their ratio (squared for variances) converts values.
         return float(self.written * self.ratio**self.power)
 
     @property
@@ -227,8 +225,7 @@ def _parse_reference(source: str | os.PathLike[str], rate: float) -> Given:
 def _of_numbers(
     calibration: Calibration, reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[ReferenceNumber], tuple[str, ...]]:
-    """Return the compared numbers for references such as "gyro.N", and the keys that match no axis. An axis has
-    priority over its sensor."""
+    """Return compared numbers such as "gyro.N" (an axis before its sensor), and keys that match no axis."""
     numbers: dict[tuple[str, str], ReferenceNumber] = {}
     unmatched: list[str] = []
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in calibration):
@@ -259,8 +256,7 @@ def _of_axis(
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:
-        # Over times much shorter than its correlation time T, a Gauss-Markov process with the standard deviation σ is a
-        # random walk with K = σ √(2/T).
+        # For times far below T, a Gauss-Markov process of standard deviation σ is a random walk with K = σ √(2/T).
         numbers["K"] = values.sigma * math.sqrt(2 / values.time)
         keys["K"] = written.get("sigma", ("sigma", None))
     for symbol, value in numbers.items():
@@ -301,8 +297,7 @@ def _verdict(reference: float, measured: Entry | None) -> Verdict:
 
 
 def _cause(row: ReferenceNumber, rate: float) -> str | None:
-    """Return the name of the unit conversion that the ratio of a row looks like; None for no conversion. The
-    conversions are "rate" (√rate), "hour" (√3600) and "degree" (180/π), or their inverses."""
+    """Return the conversion that a ratio or its inverse resembles: √rate, √3600 ("hour"), 180/π ("degree"), or None."""
     if row.ratio is None or max(row.ratio, 1 / row.ratio) < LEAST_UNIT_RATIO:
         return None
     distance = abs(math.log(row.ratio))
@@ -311,9 +306,6 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
         if abs(distance - math.log(size)) < math.log1p(0.15) and size > LEAST_UNIT_RATIO:
             return cause
     return None
-
-
-# --- text ----------------------------------------------------------------------------------------------
 
 
 def _summary(found: ReferenceCheck) -> str:

@@ -29,18 +29,15 @@ T = TypeVar("T")
 
 
 GRAVITY, GRAVITY_ERROR = 9.806, 0.016
-"""Gravity (m/s²) that is assumed if the local gravity is not given, and its standard deviation. Normal gravity at sea
-level is between 9.780 m/s² at the equator and 9.832 m/s² at the poles (WGS 84); the numbers are the middle and the
-standard deviation of a uniform distribution over this range."""
+"""Default gravity (m/s²) and its standard deviation: middle and spread of a uniform distribution from 9.780 at the
+equator to 9.832 at the poles (WGS 84)."""
 STEEPEST_AXIS_DEG = 20.0
-"""Largest angle (°) between an axis and the vertical at which the bias of the axis is computed although the attitude is
-not known. At smaller angles, the biases of the level axes change the gravity along the axis by less than 0.07 m/s²
-(tests/calibration/test_rest.py)."""
+"""Angle (°) to the vertical up to which a bias is known without attitude: level axes' biases change gravity along it by
+less than 0.07 m/s² (tests/calibration/test_rest.py)."""
 
 
 class AxisMean(NamedTuple):
-    """Mean of an axis in one recording, its samples without and with those lost in gaps, and the gravity in it with its
-    standard error or None."""
+    """Mean of an axis in one recording, samples without and with lost ones, and gravity with error or None."""
 
     mean: float
     samples: int
@@ -54,38 +51,13 @@ class AxisMean(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class BiasAtRest(Documented):
-    """The bias of one axis at rest. All numbers are in the SI unit of the axis.
+    """The bias of one axis at rest, in its SI unit.
 
-    Attributes
-    ----------
-    mean : float
-        Mean of the samples, without knocks and outliers. For several recordings, it is a weighted mean.
-    error : float
-        Standard error of the mean, from the fitted model. The mean is regarded as an estimate of the constant part of
-        the signal, or of the level at the end of the recording if the model has a random walk.
-    low, high : float
-        Confidence interval of the mean.
-    gravity : float or None
-        Part of the mean that is due to gravity: 0 for a gyroscope; None if the attitude is not known well enough.
-    gravity_error : float
-        Standard error of `gravity`, from the uncertainty of the local gravity and of the attitude.
-    recordings : int
-        Number of recordings.
-    turn_on, turn_on_low, turn_on_high : float or None
-        Standard deviation of the bias between recordings, without the part that the noise of each recording explains,
-        and its confidence interval; None for a single recording.
-    rms, rms_low, rms_high : float
-        Root mean square of the bias about its mean over `duration`, computed from the slow terms of the model, and its
-        confidence interval; 0 if the model has no slow term.
-    duration : float
-        Duration (s) over which `rms` is computed.
-    level : float
-        Confidence level of the intervals.
-    unit : str
-        SI unit of the axis.
+    `mean`, without knocks and outliers, estimates the constant part, or with a random walk the level at the end;
+    `error`, `low` and `high` follow from the model. `gravity` is its part in the mean (0: gyroscope, None: unknown
+    attitude). `turn_on` is the standard deviation between recordings beyond their noise, None for one. `rms` is that of
+    slow terms about the mean over `duration` (s); both have limits at `level`.
 
-    Examples
-    --------
     >>> one = BiasAtRest(
     ...     mean=9.81, error=1e-4, low=9.8098, high=9.8102, gravity=9.806, gravity_error=0.016, recordings=1, rms=2e-4,
     ...     rms_low=1e-4, rms_high=4e-4, duration=3600.0, level=0.95, unit="m/s²",
@@ -175,8 +147,7 @@ def means_of(inspections: Sequence[Inspection], options: CalibrationOptions) -> 
 
 
 def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level: float) -> BiasAtRest:
-    """Compute the bias of one axis at rest from its mean in each recording. The noise of the mean is averaged over the
-    models of the ranking."""
+    """Compute an axis's bias at rest from means by recording; noise is averaged over the ranking's models."""
     parts = [mean_of_recording.gravity for mean_of_recording in means if mean_of_recording.gravity is not None]
     removed = len(parts) == len(means)
     values = np.array([mean_of_recording.mean for mean_of_recording in means])
@@ -213,10 +184,8 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
 
 
 def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
-    """Return half the width of the confidence interval of a mean, averaged over models with weights. In each model, the
-    mean has Student's distribution. If its variance has the relative error r, there are 2/r² degrees of freedom, at
-    least 1. The tail areas are averaged (docs/validation/rest.md). It is at most the
-    normal interval of the largest variance that the measured wavelet variance allows."""
+    """Return half the interval of a mean, averaged by tail areas over models (docs/validation/rest.md): Student's with
+    2/r² ≥ 1 degrees of freedom for a variance's relative error r, up to the normal interval of its largest value."""
     spreads = [
         (w, math.sqrt(variance.value), max(2 / max(variance.relative, 1e-9) ** 2, 1.0))
         for w, variance in models
@@ -235,9 +204,8 @@ def reach_of(models: Sequence[tuple[float, Variance]], level: float) -> float:
 
 
 def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[str, tuple[float, float] | None]:
-    """Return the gravity along each axis with its standard error; None if it is not known. It is √(g² − h²) along a
-    nearly vertical axis, where h is the norm of the mean of the level axes, whose biases have only a second-order
-    effect. Along a level axis it is g times its tilt, which only the option `tilt` tells."""
+    """Return gravity along each axis with its error, or None. It is √(g² − h²) for a near-vertical axis, with the norm
+    h of the level axes' means, whose biases have a second-order effect; for a level axis it is g times its tilt."""
     gravity: dict[str, tuple[float, float] | None] = dict.fromkeys(means, (0.0, 0.0))
     accel = {axis: mean for axis, mean in means.items() if sensor_of(axis) == "accel"}
     gravity |= dict.fromkeys(accel)
@@ -254,8 +222,7 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
         return gravity
     level = math.hypot(*(mean for axis, mean in accel.items() if axis != vertical))
     if len(accel) == 3 and level <= g * math.sin(math.radians(STEEPEST_AXIS_DEG)):
-        # 0.2 m/s², 20 mg, is a typical limit of the unknown biases of the level accelerometers in datasheets of MEMS
-        # accelerometers (tests/calibration/test_rest.py).
+        # 0.2 m/s², 20 mg, is a typical limit in datasheets of MEMS accelerometers (tests/calibration/test_rest.py).
         off = math.hypot(error, level / g * 0.2, 0.2**2 / (2 * g))
         gravity[vertical] = side * math.sqrt(g * g - level * level), off
     return gravity
@@ -293,8 +260,7 @@ def _average(models: Sequence[tuple[float, Variance]]) -> Variance:
 
 
 def _limits(variance: Variance, level: float) -> tuple[float, float]:
-    """Return the interval of a standard deviation from its estimated variance, symmetric on a logarithmic scale. It
-    starts at 0 if the variance does not differ significantly from zero."""
+    """Return a standard deviation's interval, symmetric by logarithm, from 0 if its variance is insignificant."""
     reach = _quantile(math.inf, level) * variance.relative
     size = math.sqrt(variance.value)
     most = max(size, math.sqrt(variance.limit))

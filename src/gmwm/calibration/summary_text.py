@@ -40,8 +40,7 @@ def axis_lines(calibration: Calibration) -> list[str]:
 
 
 def model_words(model: Model) -> str:
-    """Describe a model in a word: the names of its processes, "filter" for an ARMA process, and the numbers of
-    oscillations and lines.
+    """Describe a model by its processes, "filter" for ARMA, and numbers of oscillations and lines.
 
     >>> from gmwm import Model
     >>> model_words(Model.parse("2*GM + WN + ARMA(2,1)"))
@@ -87,14 +86,7 @@ def _axes_table(
 
 
 def _fitting_words(models: Sequence[Model], width: int) -> list[str]:
-    """Describe models in the words of `model_words`, or in their notation if the width is too small. Models for which
-    it is still too small are described by their first terms.
-
-    >>> from gmwm import Model
-    >>> model = Model.parse("2*GM + WN + RW + MA(1) + 2*SIN")
-    >>> [_fitting_words([model], width)[0] for width in (30, 20, 18)]
-    ['2*GM+WN+RW+filter+2 lines', '2*GM+WN+RW+MA+2*SIN', '2*GM+WN+RW+3 more']
-    """
+    """Describe models by `model_words`, in a small width by their notation, or else by their first terms."""
     words = [model_words(model) for model in models]
     short = [word.replace("oscillation", "osc.").replace("osc.s", "osc.") for word in words]
     for forms in (words, short):
@@ -184,9 +176,6 @@ def _details(calibration: Calibration) -> list[list[str]]:
     return [*parts, *(wrap_text(a.summary(calibration.addition(a.name))) for a in axis_additions())]
 
 
-# --- the head and the tables ------------------------------------------------------------------------
-
-
 def _head(calibration: Calibration) -> list[str]:
     # On some axes, knocks are replaced too. The axis with the fewest filled samples shows how many were recorded.
     curves = sorted((r.fit.wavelet_variance for r in calibration.axes.values()), key=lambda wv: -wv.filled)
@@ -217,8 +206,7 @@ def _range(ascending: Sequence[str]) -> str:
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """Return tables with a column for each axis and a row for each number. Up to three axes that fit the width are side
-    by side."""
+    """Return tables with a row for each number and a column for each axis, up to three if they fit."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -238,15 +226,14 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return the rows of the table of some axes: model, goodness of fit, outliers, then one number each in datasheet
-    units."""
+    """Return rows for axes: model, goodness of fit, outliers, then each number in datasheet units."""
     calibrations = list(axes.values())
     rows = [
         ["", *axes],
         ["model", *(item.fit.model.structure.replace(" ", "") for item in calibrations)],
         ["equivalent", *(_others(item) for item in calibrations)],
         ["p of the fit", *("no test" if item.test is None else item.test.pvalue_in_words for item in calibrations)],
-        ["outliers", *(_outliers(item) for item in calibrations)],
+        ["outliers", *(outliers_word(item) for item in calibrations)],
     ]
     # If one axis has several Gauss-Markov terms, the only such term of another axis is in the row of the first term.
     several = {symbol for item in calibrations for symbol in item.datasheet if symbol.endswith(_FIRST)}
@@ -342,10 +329,9 @@ def _others(calibration: AxisCalibration) -> str:
     return "none" if others < 1 else counted(others, "model")
 
 
-def _outliers(calibration: AxisCalibration) -> str:
-    if calibration.verdict is None:
-        return "not tested"
-    if not np.any(calibration.verdict.tested):
+def outliers_word(calibration: AxisCalibration) -> str:
+    """Return in a word what a test for outliers found on an axis, and what was done with them."""
+    if calibration.verdict is None or not np.any(calibration.verdict.tested):
         return "not tested"
     if not calibration.verdict.contaminated:
         return "replaced" if calibration.verdict.replaced.knocks or calibration.verdict.replaced.spikes else "none"
@@ -383,7 +369,7 @@ def legend(calibration: Calibration) -> str:
             f"noise. bias rms: its changes over {duration_text(max(bias.duration for bias in biases))}."
         )
     if any(bias.bias is None for bias in calibration.rest.values()):
-        lines += " tilt unknown: tell calibrate how level the unit stood (tilt, gravity)."
+        lines += " tilt unknown: tell calibrate how level the unit stood (options tilt and gravity)."
     if any(bias.turn_on is not None for bias in biases):
         lines += " turn-on: standard deviation of the bias between recordings."
     if any(item.replicates for item in calibration.axes.values()):

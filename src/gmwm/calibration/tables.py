@@ -39,14 +39,13 @@ def key(entries: Iterable[Entry]) -> str:
     """Return a legend of the symbols of some entries. A symbol with two meanings has both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
-        if " of " not in entry.symbol:
+        if " of " not in entry.symbol or entry.title.endswith("which N contains"):
             titles.setdefault(entry.symbol.partition("[")[0], {})[entry.title] = None
     return "; ".join(f"{symbol} {' or '.join(named)}" for symbol, named in titles.items())
 
 
 def number(entry: Entry) -> str:
-    """Format a number with half its interval in per cent, with both parts if one is twice the other, with the ends
-    alone if wide, or as an upper limit."""
+    """Format a number with half its interval in %, with both parts or ends if uneven or wide, or as a limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
         return f"{round_text(value, 3)} fixed"

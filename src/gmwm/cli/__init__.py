@@ -2,8 +2,7 @@
 
 
 def start() -> None:
-    """Import the commands and run the command line; the entry point of the script `gmwm`. Ctrl-C during the imports
-    ends the process without a traceback."""
+    """Import the commands and run the script `gmwm`; Ctrl-C during imports ends it without a traceback."""
     import gc
     import os
     import signal

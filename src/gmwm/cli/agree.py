@@ -90,8 +90,7 @@ def agree(
     if not isinstance(references, dict):
         references = _of_axes(references, calibrations[0])
     recordings = {Path(agreement.source).stem for agreement in calibrations} - {""}
-    # The library names the calibrations after their recordings. If these names are not unique, the calibration files
-    # give the names.
+    # Calibrations are named after their recordings, or after their files if these names are not unique.
     names = label or (None if len(recordings) == len(files) else names_of(files))
     agreement = agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(

@@ -131,8 +131,7 @@ def _variance(
 
 
 def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
-    """Print the number of cluster sizes and the expected time. The number of differences falls linearly to zero with
-    the cluster size, so a size takes half the time of the smallest one on average."""
+    """Print the number of sizes and the expected time: differences fall linearly, so half the smallest's each."""
     first = next(iter(signals.values()))
     sizes = len(first) // 2
     octaves = _variance(first, kind, "decade").clusters.size
@@ -147,8 +146,7 @@ def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
 
 @contextmanager
 def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar of 100 steps for one axis. The yielded function takes the numbers of finished and of all
-    cluster sizes."""
+    """Show a progress bar of one axis; the yielded function takes numbers of finished and all cluster sizes."""
     with progress(name, 100) as step:
         moved = 0
 

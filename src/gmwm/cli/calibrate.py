@@ -95,8 +95,7 @@ def each_topic(
 
 
 def separate_topics(files: Sequence[Path], reading: ReadOptions) -> tuple[str, ...]:
-    """Return the topic of the gyroscopes and the topic of the accelerometers if one file has exactly one of each.
-    Otherwise the result is empty, and also if there are several files or the user selected a topic or columns."""
+    """Return one file's only topics of gyroscopes and accelerometers, unless the user chose a topic or columns."""
     from gmwm.files.readers.topics import separate_sensors
 
     if len(files) != 1 or reading.topic is not None or reading.columns is not None:
@@ -271,8 +270,7 @@ def _unite(
     groups: Sequence[Sequence[Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
     scheduler: str | None, workers: int | None, helpers: Helpers,
 ) -> Calibration:  # fmt: skip
-    """Calibrate a unit, and combine the results if its gyroscopes and accelerometers are in separate recordings.
-    `groups` has one group of recordings with all axes, or one group for each of the two sensors."""
+    """Calibrate a unit, of one group of recordings, or one for each sensor whose results are combined."""
     calibrations = []
     for group in groups:
         axes = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))

@@ -1,7 +1,4 @@
-"""Decorator that turns a function that returns an Outcome into a shell command, and the settings of a project.
-
-The settings are `gmwm.toml`, or the table [tool.gmwm] of `pyproject.toml`, for options of commands.
-"""
+"""Decorator of shell commands, and settings of options in `gmwm.toml` or [tool.gmwm] of `pyproject.toml`."""
 
 from __future__ import annotations
 
@@ -15,25 +12,19 @@ from typing import Any
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.extras import library
+from gmwm.base.lazy import tomllib
 from gmwm.base.text import counted
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
 from gmwm.recording.options import ReadOptions
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-
 OPTIONS = ("rate", "units", "columns", "scale", "increments", "mount", "format", "topic")
 """Options that describe the files of a logger. All others belong to one recording or one run."""
 
 
 def with_settings(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the options of a command, in which those that are not given have the values of the settings of a folder or
-    of the next folder above it that has settings. A line on stderr states the values that are used."""
+    """Return options, missing ones from settings of a folder or the next above with settings, stated on stderr."""
     path, settings = find_settings(folder)
     used = {name: value for name, value in settings.items() if options.get(name, value) is None}
     if used:
@@ -88,9 +79,8 @@ def _text(value: Any) -> str:
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:
-    """Turn a function that returns an Outcome into a shell command that prints it, as text or as JSON, writes its
-    files, and prints warnings on stderr. A parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`.
-    The command also gets --all-remarks and, unless the function has a parameter `json`, --json."""
+    """Turn a function that returns an Outcome into a shell command that prints it, writes its files, and prints
+    warnings on stderr. `ReadOptions` become those of `ReadOptionTexts`; --all-remarks and --json are added."""
     # In Python 3.10, get_type_hints puts the types of parameters whose default is None into Optional.
     hints, texts = get_annotations(function, eval_str=True), get_annotations(ReadOptionTexts, eval_str=True)
     parameters: list[Parameter] = []

@@ -104,8 +104,7 @@ def _silent(_: str) -> None:
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
-    """Return a row for each simulated parameter, with its true value, estimate and confidence interval. Estimate and
-    interval are None if the recommended model does not have the parameter."""
+    """Return rows of simulated parameters with truth, estimate and interval (None if not in the model)."""
     rows = []
     for axis, fit in found.items():
         units, intervals = truth[axis].units(fit.wavelet_variance.unit), found.axes[axis].intervals
@@ -161,8 +160,7 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
 
 
 def _activation() -> str:
-    """Return the command that activates the virtual environment, or "" if the shell already finds `gmwm`. The command
-    is needed after `make demo`, which creates the environment without activating it."""
+    """Return the command that activates the environment of `make demo`, or "" if the shell finds `gmwm`."""
     if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
         return ""
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"

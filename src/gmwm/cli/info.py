@@ -54,7 +54,7 @@ def info(
     as repeated values, clipping, quantization, motion, knocks, jumps, warm-up, and whether an axis follows the
     temperature.
 
-    Columns of the table, in SI units: mean; sd, the standard deviation of all samples; noise, the standard deviation of
+    Columns of the table: mean; sd, the standard deviation of all samples; noise, the standard deviation of
     the white noise, computed from differences of neighbouring samples so that offset and slow drift do not affect it;
     LSB, the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
     """
@@ -73,7 +73,7 @@ def info(
     return Outcome(
         command="info", document=document, text=text(inspection, Dialect.SHELL) + below,
         all_text=text(inspection, Dialect.SHELL, every=True) + below,
-        files=plot_file(plot, lambda path: recording.plot(inspection=inspection, path=path))
+        files=plot_file(plot, lambda path: recording.plot(units="auto", inspection=inspection, path=path))
         if isinstance(recording, Imu) else (),
     )  # fmt: skip
 

@@ -29,8 +29,7 @@ _EXPECTED = {
     "float_parsing": "a number, without a unit", "int_parsing": "a whole number", "int_from_float": "a whole number",
     "float": "a number, without a unit", "integer": "a whole number",
 }  # fmt: skip
-"""Description of the expected value of an option. The key is the error type of Pydantic in new versions of Typer, and
-the name of the Click type in old versions."""
+"""Expected values of an option, by Pydantic's error type in new Typer, or the Click type in old versions."""
 
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
@@ -39,8 +38,7 @@ class Terminated(BaseException):
     """Exception that is raised if the process receives SIGTERM or SIGHUP; its argument is the number of the signal."""
 
 
-# New versions of Typer contain a copy of Click, old versions import Click. This expression gets its class UsageError in
-# both cases.
+# UsageError of Click, which old versions of Typer import and new versions contain.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
@@ -52,9 +50,8 @@ class OneLineErrors(TyperGroup):
         self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
         standalone_mode: bool = True, windows_expand_args: bool = False, **extra: Any,
     ) -> NoReturn:  # fmt: skip
-        """Run the command that the arguments name, and exit with its code. Errors that are bugs in gmwm propagate.
-        Windows shells leave patterns as they are, and so does this, because gmwm takes `hour_*.csv` for one
-        recording."""
+        """Run the named command, and exit with its code; bugs propagate. Patterns stay as they are, as in Windows
+        shells, because gmwm takes `hour_*.csv` for one recording."""
         try:
             _require_address_space()
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
@@ -62,9 +59,8 @@ class OneLineErrors(TyperGroup):
             if code == INTERRUPTED:
                 raise KeyboardInterrupt  # Typer returns this code after Ctrl-C
         except (BrokenPipeError, SystemExit):
-            # The reader of a pipe, such as `head`, has closed it, so end without an error. The interpreter flushes
-            # stdout at exit, so stdout needs a new target. Typer and Rich raise SystemExit only in this case, because
-            # standalone mode is off.
+            # A closed pipe (`head`) is no error, but stdout, flushed at exit, needs a new target. Typer and Rich raise
+            # SystemExit only for this, as standalone mode is off.
             _discard_stdout()
             code = OK
         except _UsageError as error:
@@ -124,8 +120,7 @@ class OnceCommand(TyperCommand):
 
 
 def _leave_threads_behind(code: int) -> None:
-    """Exit at once if worker threads are running, because the interpreter would wait for them, possibly for minutes. No
-    file is left incomplete: only the main thread writes files, and it has stopped."""
+    """Exit at once if worker threads run, which the interpreter would await; only the main thread writes files."""
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
         _flush()
         os._exit(code)
@@ -206,13 +201,11 @@ NAMES = {
     "simulate": "Simulate a static recording with known noise.",
     "demo": "Simulate a six-axis IMU, calibrate it, and compare the result with the truth.",
 }
-"""Names of the commands, in the order of the help, with the first sentences of their help, so that the help imports no
-command. The function of a command is in the module with its name."""
+"""Commands in the order of the help, with first sentences, so that the help imports none; modules have their names."""
 
 
 class Commands(Mapping[str, Any]):
-    """The commands by name, which are imported when they are looked up, and the commands `others` that a script has
-    added."""
+    """The commands by name, imported when they are looked up, and `others` that a script has added."""
 
     def __init__(self, others: Mapping[str, Any]) -> None:
         self._loaded = dict(others)
@@ -391,8 +384,7 @@ SCHEMAS = Path(__file__).with_name("schemas.json")
 
 
 def schema(name: str) -> dict[str, Any]:
-    """Return the schema of the JSON of a command, of the lines of events before it (monitor-event), or of the files
-    calibration.json and session.json."""
+    """Return the JSON schema of a command, of event lines (monitor-event), of calibration.json or session.json."""
     if name == "calibration.json":
         from gmwm.calibration.result import Calibration
 

@@ -1,7 +1,4 @@
-"""Open recordings in memory or in chunks, and compute their wavelet variances, if needed in parallel processes.
-
-Input for commands that read a text file or standard input while it is being written.
-"""
+"""Open recordings in memory or in chunks, also texts that still grow, and compute their wavelet variances."""
 
 from __future__ import annotations
 
@@ -93,8 +90,7 @@ def stream_curves(
     stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
     workers: int | None = None, against: str = NONE,
 ) -> dict[str, WaveletVariance]:  # fmt: skip
-    """Compute the wavelet variances of a recording that is read in chunks. The remarks of its inspection become
-    warnings of the command."""
+    """Compute a stream's wavelet variances; the remarks of its inspection become warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
     from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
@@ -123,8 +119,7 @@ def memory_for(against: str, other: str = "") -> str:
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """Return the data of the axes that --axis selects: wavelet variances if the recording is read in chunks or
-    --against is given, otherwise signals. The remarks of the inspection become warnings of the command."""
+    """Return signals of axes, or variances if in chunks or --against; remarks of inspections become warnings."""
     from gmwm.recording.signals import Imu
 
     if isinstance(recording, Imu):
@@ -160,8 +155,7 @@ def measure_together(
     recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
     against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
 ) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
-    """Return the data to fit for each axis: signals or wavelet variances of one recording, or pooled ones of
-    several."""
+    """Return each axis's data to fit: signals or variances of one recording, or pooled ones of several."""
     from gmwm.measuring.covariance.tails import with_tails
     from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool

@@ -34,8 +34,7 @@ LIKELIHOOD = ("--likelihood", "--ml")
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodResult:
-    """A maximum-likelihood fit with its residuals and its confidence intervals. If there are no intervals, `missing` is
-    a remark with the reason."""
+    """A maximum-likelihood fit with residuals and intervals, or the reason why these are `missing`."""
 
     fit: LikelihoodFit
     level: float
@@ -48,8 +47,7 @@ def likelihood_fits(
     fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
 ) -> dict[str, LikelihoodFit]:  # fmt: skip
-    """Fit each axis by maximum likelihood, in parallel, from its wavelet fit or from the model `given` with all values.
-    `asked` has the regression to include in the likelihood of each axis."""
+    """Fit axes by maximum likelihood in parallel, from wavelet fits or `given`, with regressions `asked`."""
     complete = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm.base.threads import in_threads
@@ -198,8 +196,7 @@ class AxisModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSource:
-    """The options that define the model, checked before the recording is read: `model`, or the fit of each axis from
-    `fits_file`. `fitted_file` is the recording of these fits, if it is known."""
+    """Options that define the model, checked before reading; `fitted_file` is the known recording of `fits_file`."""
 
     likelihood: bool
     robust: bool
@@ -236,8 +233,7 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """Return the model of each axis with its values, and fit the model if it has none. The remarks of new fits become
-    warnings of the command."""
+    """Return each axis's model with values, fitted if it has none; remarks of fits become warnings."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
@@ -258,8 +254,7 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """Return the signals to use: all given ones or, with --from-fits and without --axis, those for which the file has a
-    fit."""
+    """Return the signals to use: all, or, with --from-fits without --axis, those with a fit in the file."""
     if source.model is not None or chosen:
         return signals
     fitted = {axis: signal for axis, signal in signals.items() if axis in source.fits}

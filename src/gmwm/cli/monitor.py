@@ -125,8 +125,7 @@ def monitor(
 def _open(
     file: str, reading: ReadOptions, follow: bool, idle: float | None
 ) -> Iterator[tuple[Stream, Callable[[], tuple[Remark, ...]]]]:
-    """Open a recording or a growing text. Yield the stream of its samples and a function that returns the remarks on
-    the end of the text."""
+    """Open a recording or a growing text; yield its stream and a function for remarks on the text's end."""
     from gmwm.files.readers.api import stream_file
     from gmwm.files.readers.growing_files import Lines, growing_stream
 
@@ -230,8 +229,7 @@ class Origin:
 
 
 def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
-    """Return the calibration, the fits or the models by axis, and their sampling rate (Hz). Noise from --from has no
-    rate of its own, so it gets the rate of the recording."""
+    """Return calibration, fits or models by axis, and their rate (Hz); --from has the recording's rate."""
     if origin.source is not None:
         return read_given(origin.source, rate).models, rate
     assert origin.fits is not None
@@ -253,8 +251,7 @@ def _fit_models(path: Path) -> Mapping[str, Any]:
 
 
 def _watch(stream: Stream, trace: Trace) -> Iterator[Event]:
-    """Yield the events of a stream, with times from the first sample of the recording, as in the other commands. Ctrl-C
-    while Polars reads raises KeyboardInterrupt, which ends the stream without an error."""
+    """Yield a stream's events with times from the first sample; Ctrl-C while Polars reads ends it without error."""
     origin = stream.time_base.start - stream.time_base.left
     try:
         for chunk in stream:

@@ -26,9 +26,7 @@ T = TypeVar("T")
 
 @contextmanager
 def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Make errors in the block, and their advice, name the shell options of the mapping from argument to option.
-
-    Only arguments whose option has another name need an entry.
+    """Make errors in the block name shell options, by arguments whose option has another name.
 
     >>> from gmwm.base.template import Dialect
     >>> from gmwm.errors import OptionError

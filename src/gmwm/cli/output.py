@@ -35,8 +35,7 @@ Item = TypeVar("Item", bound="Signal | WaveletVariance")
 
 
 def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
-    """Call a function with the signal or wavelet variance of each axis, in parallel threads. If a call raises an error,
-    the message names the axis. `what` is the label of the progress bar."""
+    """Call a function for each axis in parallel threads; errors name it, and `what` labels the progress bar."""
     with progress(what, len(signals)) as advance:
         return in_threads(
             lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")
@@ -84,8 +83,7 @@ class Outcome:
 
 
 def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
-    """Write the files of a result, and print the result as text, or as JSON with the remarks. Raises the failure of the
-    outcome, or `typer.Exit` if the exit code is not 0."""
+    """Write a result's files, print it as text or JSON, and raise its failure, or `typer.Exit` for a code ≠ 0."""
     for remark in outcome.remarks:
         tell(remark)
     _write_files(outcome)
@@ -181,8 +179,7 @@ class Advance(Protocol):
 def print_json(
     command: str, content: Mapping[str, Any], remarks: Iterable[Remark], *, in_one_line: bool = False
 ) -> None:
-    """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, only ASCII characters are used.
-    The list of remarks starts with those in the document, followed by the other remarks without duplicates."""
+    """Print a result as JSON (ASCII unless stdout is UTF-8) with its own remarks, then the others."""
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     entries = list(content.get("remarks", ()))
     entries += [entry for entry in (remark.to_dict() for remark in dict.fromkeys(remarks)) if entry not in entries]
@@ -190,9 +187,7 @@ def print_json(
 
 
 def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False, in_one_line: bool = False) -> str:
-    """Format the result of a command as JSON, with the version of gmwm. NaN and infinities become null.
-
-    If `escaped` is true, the text is ASCII: ² becomes \\u00b2.
+    """Format a command's result as JSON with gmwm's version, null for NaN and infinities; `escaped` is ASCII.
 
     >>> print(json_text("wv", {"limits": [1.0, float("inf")]}))
     {
@@ -216,8 +211,7 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
 def table_text(
     columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", texts: int = 1, rules: Sequence[int] = ()
 ) -> str:
-    """Format a table with column headings, as wide as its contents: no cell is wrapped or truncated. The first `texts`
-    columns hold text and are left-aligned, the others numbers. A horizontal line is drawn below each row in `rules`."""
+    """Format a table as wide as its contents: the first `texts` columns left-aligned, lines below `rules`."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -273,8 +267,7 @@ class Warned:
 
 @contextmanager
 def collect_warnings(*, every: bool = False) -> Iterator[Warned]:
-    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails. A
-    FitWarning is not collected, because the text of the command already shows its remark."""
+    """Collect GmwmWarnings in the block, and print them at its end, but no FitWarning, whose remark is in the text."""
     warned = Warned(every=every)
 
     def show(

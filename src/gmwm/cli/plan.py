@@ -112,8 +112,7 @@ def plan(
 
 
 def _given_axis(source: str, axis: str | None, rate: float | None) -> tuple[str, str, float]:
-    """Return the axis, its model and the rate from a datasheet or a file of another program. `axis` can be None if all
-    axes have the same model."""
+    """Return axis, model and rate of a datasheet or file; `axis` can be None if all axes have one model."""
     noise = read_given(source, rate)
     models = {name: str(model) for name, model in noise.models.items()}
     if axis is None and len(set(models.values())) == 1:
@@ -151,8 +150,7 @@ def _plan(
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """Return the name of an axis and its fit from a fits.json or calibration.json. `axis` can be None if the file has
-    only one axis."""
+    """Return an axis's name and fit from fits.json or calibration.json; `axis` can be None for a single one."""
     _, fits = fits_in(path)
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
@@ -232,9 +230,8 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """Return the model to plan with, derived from a pilot fit, and remarks about the changes. Terms that were estimated
-    as zero are left out. A term that the data do not distinguish from a simpler process, such as a slow Gauss-Markov
-    process from a random walk, is replaced by this process."""
+    """Return a pilot fit's model to plan with, and remarks. Zero terms are left out, and simpler processes replace
+    terms that act as them, such as a slow GM as a walk."""
     from gmwm import Model
     from gmwm.theory.processes.equivalence import likeness
 

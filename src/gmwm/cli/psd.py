@@ -6,9 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
-from gmwm.cli.options import EstimationOption, Plot, ResultOption, unit_system
+from gmwm.cli.options import EstimationOption, Plot, ResultOption, picture_units
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
 from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm psd static.csv",
-    "gmwm psd static.csv --axis accel --plot psd.png --datasheet",
+    "gmwm psd static.csv --axis accel --plot psd.png",
     "gmwm psd static.csv --length 4096 --csv psd.csv",
 )
 
@@ -42,7 +43,10 @@ def psd(
         Literal["constant", "linear"],
         EstimationOption(help="Trend to remove from each block: its mean (constant) or a fitted line (linear)."),
     ] = "constant",
-    datasheet: Annotated[bool, ResultOption("--datasheet", help="Use deg/s/√Hz and µg/√Hz in the plot.")] = False,
+    datasheet: Annotated[
+        bool | None,
+        ResultOption("--datasheet/--si", help="Use deg/h, mg, deg/s/√Hz and µg/√Hz (default), or rad/s and m/s²."),
+    ] = None,
     csv: Annotated[Path | None, ResultOption(help="Write all frequencies to this CSV file (SI units).")] = None,
     plot: Plot = None,
 ) -> Outcome:
@@ -54,7 +58,7 @@ def psd(
     """
     recording = open_recording(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)
-    system = unit_system(datasheet)
+    system = picture_units(datasheet)
     heading = "axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"
     tables = [
         ((axis_name, s.unit), (s.frequencies, s.density, s.lower, s.upper, s.degrees_of_freedom))
@@ -62,7 +66,7 @@ def psd(
     ]
     drawing = spectra if len(spectra) > 1 else next(iter(spectra.values()))
     return Outcome(
-        command="psd", document={"file": str(file), "axes": spectra.to_dict()}, text=_text(spectra),
+        command="psd", document={"file": str(file), "axes": spectra.to_dict()}, text=_text(spectra, si=system == "si"),
         files=csv_file(csv, heading, tables) + plot_file(plot, lambda path: drawing.plot(units=system, path=path)),
     )  # fmt: skip
 
@@ -88,14 +92,17 @@ def _measure(
     return PowerSpectra(spectra=spectra)
 
 
-def _text(found: PowerSpectra) -> str:
+def _text(found: PowerSpectra, si: bool) -> str:
     """Format a table of the lines and a table of the bumps of all axes."""
     first = next(iter(found.values()))
     parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
+    units = {axis: (spectrum.unit, 1.0) if si else usual_unit(spectrum.unit) for axis, spectrum in found.items()}
     lines = [
         [
-            axis, f"{line.frequency:.6g}", f"{line.frequency_error:.1g}", f"{line.amplitude:.3g} {spectrum.unit}",
-            f"{line.amplitude_error:.1g}", "narrow" if line.narrow else f"{line.width:.2g}", f"{line.height:.3g}",
+            axis, f"{line.frequency:.6g}", f"{line.frequency_error:.1g}",
+            f"{units[axis][1] * line.amplitude:.3g} {units[axis][0]}",
+            f"{units[axis][1] * line.amplitude_error:.1g}", "narrow" if line.narrow else f"{line.width:.2g}",
+            f"{line.height:.3g}",
             "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
         ]
         for axis, spectrum in found.items()

@@ -41,7 +41,7 @@ Units = Annotated[
     str | None,
     InputOption(
         help="Units, if the file does not state them. Gyroscopes: rad/s, deg/s, mdeg/s, deg/h; accelerometers: m/s², "
-        "g, mg, mGal, µg; time: s, ms, us, ns.",
+        "g, mg, mGal, µg; position: m, cm, mm; time: s, ms, us, ns.",
         metavar="gyro=deg/s,accel=g",
     ),
 ]
@@ -159,8 +159,8 @@ Axes = Annotated[
     list[str] | None,
     InputOption(
         "--axis",
-        help="Axis to use: gyro_x … accel_z, or gyro or accel for all three axes of a sensor. For several axes, repeat "
-        "the option or use commas. Default: all axes.",
+        help="Axis to use: gyro_x … accel_z, east, north, up or level, or gyro or accel for all three axes of a "
+        "sensor. For several axes, repeat the option or use commas. Default: all axes.",
         metavar="AXIS",
     ),
 ]
@@ -200,7 +200,7 @@ def parse_units(text: str | None) -> dict[str, str] | None:
     """
     if text is None:
         return None
-    sensors = (*SI_UNIT, "time")
+    sensors = (*SI_UNIT, "position", "time")
     units = {}
     for part in text.split(","):
         name, mark, unit = (piece.strip() for piece in part.partition("="))

@@ -117,8 +117,7 @@ def simulate(
 def _write(
     truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
 ) -> tuple[Imu, tuple[str, ...]]:
-    """Simulate a recording, and write it and its processes to their files. Returns the recording and the names of the
-    columns in the file of processes."""
+    """Simulate a recording, and write it and its processes; return it and the processes' column names."""
     from gmwm.base.text import duration_text
     from gmwm.theory.simulation import simulate as simulated
 

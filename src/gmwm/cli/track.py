@@ -37,13 +37,11 @@ if TYPE_CHECKING:
     from gmwm.recording.signals import Signal
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
-"""Names of the numbers that summarize a process, in the unit of the data. A reach is half the width of the confidence
-band."""
+"""Numbers that summarize a process, in the unit of the data; a reach is half of the confidence band."""
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
-    """Return a summary of the tracks of an axis and their model, as plain values for JSON. The complete tracks are
-    written by --output."""
+    """Return a summary of an axis's tracks and model for JSON; --output writes the complete tracks."""
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
         "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),
@@ -56,9 +54,7 @@ def _missing(found: Tracks) -> int:
 
 
 def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
-    """Return the numbers of `NUMBERS` for a track; None for a number that is unknown. They are its mean, its root mean
-    square about the mean, the root mean square of its standard deviation, and its first and last values with half the
-    width of their confidence bands."""
+    """Return a track's `NUMBERS` or None: mean, RMS about it, RMS error, first and last value with half their bands."""
     path, error = found.mean[label], found.error[label]
     finite = np.isfinite(error)
     low, _ = found.band(label, level)
@@ -93,8 +89,7 @@ def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datash
 
 
 def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:
-    """Format the table row of a process. For a prediction (`ahead`), the row has the first and last value; otherwise
-    the mean, deviation, error and last value."""
+    """Format a process's row: first and last value of a prediction (`ahead`), or mean, deviation, error and last."""
 
     def number(key: str) -> str:
         value = brief.get(key)

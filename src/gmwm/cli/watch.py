@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 
 def fit_curves(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
-    """Fit a model to the wavelet variance of each axis. Returns the fits, and for each axis that could not be fitted
-    the reason. Both are empty without a model."""
+    """Fit a model to each axis's wavelet variance; return fits, and reasons of failures, empty without model."""
     from gmwm import fit
 
     fits: dict[str, Fit] = {}
@@ -104,8 +103,7 @@ def whole_text(
 
 
 def _relative(wv: WaveletVariance) -> Any:
-    """Return the relative standard error of the deviation at each scale. The error is ½ √(2/η), because the square of
-    the deviation has a χ² distribution with η degrees of freedom."""
+    """Return the relative error ½ √(2/η) of the deviation by scale, whose square is χ² with η degrees of freedom."""
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 
@@ -262,8 +260,7 @@ def watch(
 
 
 def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
-    """Feed the accumulators until the source ends. Returns the error that ended the source, or None. Raises the error
-    if the samples before it are too few for a result."""
+    """Feed the accumulators until the source ends; return its error or None, raised if samples are too few."""
     from gmwm.measuring.streaming.passes import feed_chunks
 
     failures: list[GmwmError] = []

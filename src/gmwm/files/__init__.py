@@ -1,2 +1,1 @@
-"""From a file to a recording: formats, clocks, columns and units; and noise from datasheets and files of other
-programs."""
+"""From a file to a recording: formats, clocks, columns, units; and noise from datasheets and other programs."""

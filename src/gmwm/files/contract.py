@@ -1,9 +1,7 @@
 """Contract between formats and the reading of files: what a reader is, and the registry that finds one for a file.
 
-A reader recognises its files, describes their columns before it reads any number, and yields the numbers in chunks. The
-formats of gmwm are in `gmwm/files/formats`; other packages add theirs with entry points of the group "gmwm.readers".
-`gmwm.files.readers` determines the axes, the units and the time base in the same way for all formats.
-"""
+A reader recognises files, describes their columns, and yields numbers in chunks. gmwm's are in `gmwm/files/formats`,
+others are entry points "gmwm.readers". `gmwm.files.readers` treats all formats alike."""
 
 from __future__ import annotations
 
@@ -151,8 +149,7 @@ class Reader(ABC):
     extensions: ClassVar[tuple[str, ...]]
     """Usual file name extensions, lower case, with the dot; empty if the user must name the format."""
     folder_sign: ClassVar[str] = ""
-    """If a recording is a directory, the name of the file in it that identifies the format; "" if a recording is a
-    file."""
+    """Name of the file that identifies the format of a directory; "" if a recording is a file."""
     single: ClassVar[bool] = False
     """Whether every file of the format holds exactly one recording, so that nobody opens it to look for others."""
 
@@ -267,8 +264,7 @@ def _admit(name: str, reader: Any) -> None:
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a file that exists and is not empty; for a directory, the file that identifies the
-    recording."""
+    """Return the path of a file that exists and is not empty, or the identifying file of a directory."""
     argument: object = path
     if not isinstance(argument, str | os.PathLike):
         raise OptionError(
@@ -298,8 +294,7 @@ _DATA_SETS = (
     "mav0/imu0/data.csv", "imu0/data.csv", "data.csv", "oxts/timestamps.txt", "ms25.csv", "sensor_data/xsens_imu.csv",
     "accelerometer.txt",
 )  # fmt: skip
-"""Inertial data in the folders of public data sets: EuRoC and TUM VI, KITTI, NCLT, KAIST Urban, TUM RGB-D. Others, such
-as M2DGR, have a bag beside the trajectory."""
+"""Inertial data of EuRoC, TUM VI, KITTI, NCLT, KAIST Urban, TUM RGB-D; others (M2DGR) have a bag beside."""
 
 
 def _sign_of(folder: Path) -> Path:

@@ -1,2 +1,1 @@
-"""From a recording to numbers that models are fitted to: wavelet variance and its covariance, spectrum,
-inspection, regression."""
+"""From a recording to numbers for models: wavelet variance and its covariance, spectrum, inspection, regression."""

@@ -1,7 +1,4 @@
-"""Results of the same kind for the axes of a recording.
-
-Confidence limits of a variance by the chi-square rule.
-"""
+"""Results of one kind for the axes of a recording, and chi-square limits of a variance."""
 
 from __future__ import annotations
 
@@ -75,13 +72,7 @@ class AxisResults(Summarised, Plotted, Mapping[str, T]):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ResultsByAxis(AxisResults[T]):
-    """Results of one function for the axes of a recording, or for the columns of an array, by name.
-
-    Parameters
-    ----------
-    results : mapping of axis to result
-        The result of each axis.
-    """
+    """Results of one function by axis of a recording, or by column of an array."""
 
     results: Mapping[str, T]
 
@@ -136,9 +127,7 @@ def rate_words(rate: float, unit: str) -> str:
 
 
 def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
-    """Return the lower and upper limits of variances V with η degrees of freedom, by the chi-square rule (Percival
-    1995): η V / q_{(1 + c)/2} and η V / q_{(1 − c)/2}, with the quantiles q_p of χ²_η and the confidence c. Raises
-    OptionError if `confidence` is not a number from 0.5 to below 1."""
+    """Return the chi-square limits η V / q_{(1 ± c)/2} of variances V with η degrees of freedom (Percival 1995)."""
     from scipy.special import gammaincinv
 
     half = freedom / 2

@@ -1,8 +1,5 @@
-"""Divide a recording, in memory or in a file, into batches: consecutive samples that are processed together.
-
-A batch has `BATCH_SAMPLES` samples, counted from the first sample; the last one has fewer, and a shorter recording is
-one batch. Results that are computed from batches are therefore the same to the last bit for a recording in memory and
-in chunks of any size."""
+"""Divide a recording, in memory or in a file, into batches of `BATCH_SAMPLES` samples from its first one on. Results
+are then the same to the last bit in memory and in chunks."""
 
 from __future__ import annotations
 
@@ -18,13 +15,12 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.recording.chunks import Samples
 from gmwm.recording.signals import Imu, Signal
 
 BATCH_SAMPLES = 1 << 21
-"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. It is a choice: 2²¹, because 21
-is the default number of exact levels for six axes (`exact_levels`)."""
+"""Samples of a batch: 5.8 h at 100 Hz, 100 MB for six axes; a choice, as 21 is their default of `exact_levels`."""
 
 
 @runtime_checkable
@@ -97,8 +93,7 @@ class Batch:
 
 
 class Segments:
-    """The segments of a recording, from its batches in order: index ranges without a gap, the time of the first sample
-    of each (s), and whether the lengths of the gaps are known."""
+    """Segments from batches in order: ranges, first times (s), and whether the lengths of gaps are known."""
 
     def __init__(self) -> None:
         self.ranges: list[tuple[int, int]] = []
@@ -135,9 +130,8 @@ def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
 
 
 class Batches:
-    """The batches of a recording, in memory or in chunks, which can be iterated over several times. A recording that is
-    one batch is read only once. Samples that were added to the file after the first iteration are left out. `done` is
-    called with the number of samples so far, after each chunk."""
+    """Batches in memory or in chunks, for several passes (one read if there is one batch), without samples added later.
+    `done` is called with the number of samples so far."""
 
     def __init__(self, recording: Imu | Streamed, done: Callable[[int], None] | None = None) -> None:
         self.recording, self._done = recording, done
@@ -260,9 +254,7 @@ class _Gathered:
         values = {role: freeze(self._values.pop(role)[: self._size]) for role in list(self._values)}
         temperature = values.pop("temperature", None)
         signals = {
-            axis: Signal(
-                array, self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
-            )
+            axis: Signal(array, self._rate, unit=si_unit(axis), axis=axis, segments=segments, starts=starts)
             for axis, array in values.items()
         }
         self._begins, self._size = [], 0

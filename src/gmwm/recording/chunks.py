@@ -52,8 +52,7 @@ class Samples:
     rate: float  # samples per second (Hz)
     first: int  # number of the first sample in the recording, from 0
     segment: int  # number of the segment of the first sample, from 0
-    # Number and time (s) of the first sample of each segment. The first segment may have begun before the sample
-    # `first`
+    # number and time (s) of each segment's first sample; the first segment may have begun before `first`
     runs: tuple[tuple[int, float], ...]
     temperature: Vector | None = None  # (n,) temperature (°C), if the recording has one
 

@@ -1,8 +1,5 @@
-"""Types of .imu files, whose records have a time and six increments. The reader and the writer use them.
-
-An .imu file has no header that states its type or the scale of its counts. A record is the time (s), three increments
-of angle and three of velocity, little-endian, without padding.
-"""
+"""Types of .imu files for reader and writer: records of the time (s), three increments of angle and three of velocity,
+little-endian without padding. No header states type or scale."""
 
 from __future__ import annotations
 
@@ -62,20 +59,12 @@ TYPES = (
 
 
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
-    """Round increments (N,) to whole counts of size `unit`, and carry each remainder over to the next increment.
-
-    The count k is n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where v are the increments, u is the size of
-    a count and [·] is the nearest integer. The error of the sum of the counts is at most half a count. Increments that
-    are whole counts do not change.
-
-    >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
-    array([0, 1, 0, 1])
-    """
+    """Round increments (N,) to whole counts of size `unit`, with carried remainders: n_k = [S_k] − [S_{k−1}], S_k =
+    (v_1 + … + v_k) / u, so the sum is off by at most half a count."""
     exact = np.asarray(values, dtype=np.float64) / unit
     nearest = np.rint(exact)
-    # Counts that were multiplied by scale and rate and divided again differ from integers by float64 rounding, which a
-    # sum would accumulate. The tolerance of 1e-9 is far above that rounding and far below a count; pinned by
-    # tests/test_writers.py.
+    # Restored counts differ from integers by float64 rounding, which a sum would accumulate; 1e-9 is far above it and
+    # far below a count (tests/test_writers.py).
     if np.all(np.abs(exact - nearest) <= 1e-9 * np.maximum(np.abs(nearest), 1.0)):
         return nearest.astype(np.int64)
     return np.diff(np.rint(np.cumsum(exact)), prepend=0.0).astype(np.int64)

@@ -11,14 +11,14 @@ import numpy as np
 
 from gmwm.base.arrays import as_rate
 from gmwm.base.errors import OptionError, UnitError
-from gmwm.base.units import AXES, LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
+from gmwm.base.units import AXES, LENGTHS, LONG_TIME_UNITS, POSITIONS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 from gmwm.recording.time_ranges import kept_ranges
 
 Gaps = Literal["keep", "longest"]
 BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """A mapping of axis to column name or index, or a sequence of the axes in the order of the columns."""
-ROLES = (*AXES, "time", "temperature")  # roles that a column of a file can have
+ROLES = (*AXES, *POSITIONS, "time", "temperature")  # roles that a column of a file can have
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
@@ -121,9 +121,6 @@ class ReadOptions:
         return {name: _plain(value) for name, value in values.items() if value not in (None, "keep", "error", (), {})}
 
 
-# --- checks that several functions share ----------------------------------------------------------------
-
-
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
     """Check that a value is one of the allowed strings."""
     if not isinstance(value, str) or value not in allowed:
@@ -143,15 +140,7 @@ def as_size(value: object) -> float:
 
 
 def as_confidence(value: object, name: str = "confidence") -> float:
-    """Check a confidence level: a number of at least 0.5 and less than 1.
-
-    Below 0.5 an interval more often misses the true value than it contains it (tests/test_options.py).
-
-    Examples
-    --------
-    >>> as_confidence(0.95)
-    0.95
-    """
+    """Check a confidence level in [0.5, 1): below, intervals more often miss the truth (tests/test_options.py)."""
     is_number = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
     is_number = is_number and abs(value) < 1e300  # type: ignore[arg-type]  # an integer may be too large for a float
     number = float(value) if is_number else math.nan  # type: ignore[arg-type]
@@ -169,9 +158,6 @@ def as_whole_number(value: int, name: str, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)
-
-
-# --- the fields of ReadOptions --------------------------------------------------------------------------
 
 
 _UNITS = '{"gyro": "deg/s", "accel": "g"}'
@@ -204,8 +190,8 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
         raise OptionError(argument="units", expected=f"a mapping such as {_UNITS}", got=units)
     checked = dict(units)
     for quantity, text in checked.items():
-        if quantity not in (*SI_UNIT, "time"):
-            raise OptionError(argument="units", expected="units of gyro, accel or time", got=quantity)
+        if quantity not in (*SI_UNIT, "position", "time"):
+            raise OptionError(argument="units", expected="units of gyro, accel, position or time", got=quantity)
         if not isinstance(text, str):
             raise OptionError(argument="units", expected=f"a mapping to texts, such as {_UNITS}", got=text)
         if quantity == "time":
@@ -215,7 +201,9 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
                     f"{text!r} is not a unit of time", argument="units", got=text, advice="Use one of {known}.",
                     known=TIME_NAMES,
                 )  # fmt: skip
-        else:
+        elif quantity == "position" and text not in LENGTHS:
+            raise UnitError(f"{text!r} is not one of {', '.join(LENGTHS)}", argument="units", got=text)
+        elif quantity != "position":
             parse_unit(text, quantity)  # type: ignore[arg-type]
     return checked
 
@@ -226,7 +214,7 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
         raise OptionError(argument="scale", expected='a mapping such as {"gyro": 1 / 131}', got=scale)
     factors = {}
     for key, value in scale.items():
-        if key not in (*AXES, *SI_UNIT):
+        if key not in (*AXES, *POSITIONS, *SI_UNIT):
             raise OptionError(argument="scale", expected=f"factors of {', '.join((*SI_UNIT, *AXES))}", got=key)
         try:
             factor = float(value)

@@ -15,27 +15,20 @@ class StepSearch:
     """Limits at which values lie on a grid of steps (tests/test_inspection.py, tests/test_rounding.py)."""
 
     enough: int = 20_000
-    """Smallest number of samples that are used, so that each value of a coarse output occurs many times
-    (tests/test_inspection.py)."""
+    """Samples that are used, so that each value of a coarse output occurs often (tests/test_inspection.py)."""
     distinct_share: float = 0.9
     """Largest share of distinct values among the samples for which a quantization step is searched."""
     uneven: float = 0.05
-    """Largest deviation of the differences between values from multiples of the step, in steps
-    (tests/test_inspection.py)."""
+    """Largest deviation of differences from multiples of the step, in steps (tests/test_inspection.py)."""
     whole: float = 1e-3  # largest distance of a value from a whole count, in counts
     samples_of_value: int = 20
-    """Smallest mean number of samples of each value in the middle half of the distribution. No value between two others
-    is then missing."""
+    """Least mean number of samples per value in the middle half, so that no value is missing between two."""
     regular: float = 0.35
-    """Largest relative standard deviation of the distances between values that are multiples of one step, but were
-    written with few digits. It is 0.33 if steps of 1.5 are written as 1 and 2."""
+    """Relative spread of distances of one step written with few digits; steps of 1.5 as 1 and 2 have 0.33."""
     fine: float = 1.0
-    """Smallest standard deviation of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the
-    step²."""
+    """Spread of the output, in steps, at which Sheppard's correction is exact to 1e-8 of the step²."""
     near_maximum: float = 0.5
-    """Standard deviations whose log-likelihood is at most this value below the maximum agree with the samples equally
-    well. The largest of them is used. If only two values occur, all small standard deviations agree, and the result is
-    an upper limit."""
+    """Log-likelihood below the maximum of standard deviations that agree equally; the largest is used."""
     least_probability: float = 1e-9
     """Smallest probability of a value, so that a single wrong value does not determine the result."""
 
@@ -44,16 +37,14 @@ LIMITS = StepSearch()
 
 
 _DUST, _LARGEST_DUST, _BETWEEN = 1e-9, 1e-5, 1e3
-"""Distance between values, as a share of their range, that is rounding of float64; largest distance that can be
-rounding if the next larger one is `_BETWEEN` times as large (tests/test_rounding.py, as the next constants)."""
+"""Distance over range of float64 rounding; its maximum if the next is `_BETWEEN` times it (tests/test_rounding.py)."""
 _MEAN_OF, _CANCELS, _LEAST_NOISE = 16, 0.5, 0.02
 """Number of neighbours whose mean is tested for a counter; largest variance of this mean, relative to white noise; and
 smallest mean square of the differences of neighbours (steps²)."""
 _SPREADS = np.geomspace(0.05, 1.25, 60)
 """Standard deviations before rounding, in steps, that are compared. The result is within 3 % of the best value."""
 _PLACES = np.linspace(-0.75, 0.75, 31)
-"""Means before rounding that are compared, in steps from the mean of the output. Rounding moves the mean by at most
-half a step."""
+"""Means before rounding, in steps from the output's mean, which rounding moves by at most half a step."""
 
 
 class Sample:
@@ -78,25 +69,15 @@ class Sample:
 
 
 def lsb(values: Vector) -> float | None:
-    """Return the quantization step of an axis: the spacing of a regular grid that contains all values; None if there is
-    none.
-
-    A step is searched only if values repeat.
-
-    >>> lsb(np.round(np.random.default_rng(0).normal(0, 1, 1000) / 0.05) * 0.05)
-    0.05
-    """
+    """Return the quantization step, the spacing of a regular grid of all values, if they repeat; otherwise None."""
     sample = Sample()
     sample.update(values)
     return step_of(sample.values())
 
 
 def step_of(sample: Vector) -> float | None:
-    """Return the spacing of a regular grid that contains all values of a sample; None if there is none.
-
-    If the values were written with so few digits that the distances between them alternate, the mean distance in the
-    middle half of the distribution is returned, which is the step before the values were written.
-    """
+    """Return the spacing of a regular grid of all values, or None; with few digits, distances alternate, and their mean
+    in the middle half is the step."""
     levels, counts = np.unique(sample, return_counts=True)
     levels, counts = _without_rounding(levels, counts)
     if levels.size < 2 or levels.size > LIMITS.distinct_share * sample.size:
@@ -108,8 +89,7 @@ def step_of(sample: Vector) -> float | None:
 
 
 def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integers]:
-    """Join levels that differ only by the rounding of float64. Differences of a counter that was multiplied by the size
-    of a count have such levels."""
+    """Join levels that differ only by float64 rounding, as differences of a counter times a count's size."""
     steps = np.diff(levels)
     if levels.size < 3:
         return levels, counts
@@ -132,8 +112,7 @@ def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integer
 
 
 def count_of(values: Vector) -> float | None:
-    """Return the size of a count if the values are whole counts with the rounding errors of float64, as differences of
-    a counter; None otherwise.
+    """Return the size of a count if values are counts with float64 rounding, as differences of a counter; else None.
 
     >>> count_of(np.diff(0.1 * np.random.default_rng(0).integers(0, 9, 1000).cumsum()))
     0.1
@@ -149,10 +128,9 @@ def count_of(values: Vector) -> float | None:
 
 
 def is_counter(runs: list[Vector], step: float) -> bool:
-    """Return whether values are differences of a counter, such as an angle in counts.
+    """Return whether values (runs without outliers) are differences of a counter, such as an angle in counts.
 
-    The rounding error of a counter is bounded in its sum, so it cancels in the mean of neighbouring values: their
-    variance is at most half of the variance of white noise. `runs` are consecutive samples without outliers.
+    Its rounding error cancels in means of neighbours: their variance is at most half of white noise's.
 
     >>> angle = np.cumsum(np.random.default_rng(0).normal(0.3, 0.2, 20_000))
     >>> is_counter([np.diff(np.round(angle))], 1.0)
@@ -167,8 +145,7 @@ def is_counter(runs: list[Vector], step: float) -> bool:
 
 
 def _usual_distance(levels: Vector, counts: Vector) -> float | None:
-    """Return the mean distance between neighbouring values in the middle half of the distribution; None if the
-    distances are irregular, or there are too few samples."""
+    """Return the mean distance of neighbouring values in the middle half; None if irregular, or too few."""
     below = np.cumsum(counts) / np.sum(counts)
     middle = (below > 0.25) & (below - counts / np.sum(counts) < 0.75)
     level = levels[middle]
@@ -197,21 +174,18 @@ def _lattice(levels: Vector) -> float | None:
 
 
 def _is_float32_rounding(levels: Vector, step: float) -> bool:
-    """Return whether a step is the spacing of float32 numbers at the magnitude of the values, which is not a step of a
-    sensor."""
+    """Return whether a step is the spacing of float32 numbers of this size, not one of a sensor."""
     largest = np.float32(np.max(np.abs(levels)))
     single = bool(np.all(levels == levels.astype(np.float32)))
     return single and step <= float(np.spacing(largest))
 
 
 def before_rounding(runs: list[Vector], step: float) -> float:
-    """Return the standard deviation of the noise before it was rounded to multiples of a step, from runs of consecutive
-    samples without outliers.
+    """Return the noise's standard deviation before rounding to a step, from runs of samples without outliers.
 
-    Within a run, the mean hardly changes. If the output spreads over several steps, rounding adds the variance step²/12
-    (Sheppard's correction). Otherwise the standard deviation belongs to the Gaussian noise whose probabilities of the
-    rounded values agree best with the counts of all runs (maximum likelihood); each run has its own mean. Runs of equal
-    samples are left out if they are fewer than half of the runs, because a sensor or a logger may hold a value.
+    Over several steps, rounding adds step²/12 (Sheppard's correction). Otherwise it is the maximum likelihood of
+    Gaussian noise for the counts of all runs, each with its mean. Runs of equal samples, if under half, are held
+    values, left out.
 
     >>> rng = np.random.default_rng(0)
     >>> runs = [np.round(rng.normal(0.3, 0.25, 256)) for _ in range(20)]

@@ -19,7 +19,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
-from gmwm.base.units import AXES, SI_UNIT, Quantity, axis_quantity, parse_unit, require_measurable
+from gmwm.base.units import AXES, SI_UNIT, Quantity, axis_quantity, parse_unit, require_measurable, si_unit
 from gmwm.recording.chunks import Samples
 from gmwm.recording.time_ranges import cut, kept_ranges
 
@@ -582,7 +582,7 @@ class Imu(Plotted, Tabular):
 
 def _as_signal(x: Any, axis: str) -> Signal:
     """Return a signal, or an array in SI units as a signal whose times count samples."""
-    return x if isinstance(x, Signal) else Signal(as_vector(x, axis), 1.0, unit=SI_UNIT[axis_quantity(axis)], axis=axis)
+    return x if isinstance(x, Signal) else Signal(as_vector(x, axis), 1.0, unit=si_unit(axis), axis=axis)
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

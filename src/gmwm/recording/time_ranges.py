@@ -19,9 +19,8 @@ from gmwm.base.time_base import TimeBase
 from gmwm.recording.chunks import MINIMUM_SAMPLES, Samples
 
 TIME_ROUNDING = 1e-6
-"""Largest difference (in samples) at which a given time is taken as the time of a sample. It is larger than the
-rounding of times in float64 (1e-7 of a sample at 1 kHz after a year), and smaller than any difference that a user
-types. Pinned by tests/test_cuts.py."""
+"""Difference (samples) up to which a time is that of a sample: above float64 rounding (1e-7 at 1 kHz after a year),
+below what users type (tests/test_cuts.py)."""
 
 
 def cut(
@@ -52,8 +51,7 @@ class Trimmer:
         return not self._kept or self._clock.end >= self._kept[-1][1]
 
     def take(self, samples: Samples) -> Samples | None:
-        """Return the samples that are kept, numbered from the first kept sample of the recording; None if none is
-        kept."""
+        """Return the kept samples, numbered from the first kept one of the recording; None if there are none."""
         parts, runs, first, segment = list[slice](), list[tuple[int, float]](), self._count, len(self._sizes) - 1
         for k, ((begin, end, _), (sample, time)) in enumerate(zip(samples.ranges(), samples.runs, strict=True)):
             elapsed = self._clock.begin(sample, time, samples.first + end)
@@ -92,9 +90,7 @@ class Trimmer:
         )  # fmt: skip
 
     def time_base(self, base: TimeBase) -> TimeBase:
-        """Return the time base of the kept samples. Call it after the last batch. `base` is the time base of the whole
-        recording.
-        """
+        """Return the kept samples' time base, after the last batch, from that of the whole recording."""
         require_some(max(self._sizes, default=0), self._kept, self._clock.end)
         require_inside(self._kept, self._clock.end, self._rate)
         return cut_base(base, self._starts, self._sizes, base.left + self._left)
@@ -108,8 +104,7 @@ class _Elapsed:
         self._ahead = self._begin = self.end = 0.0
 
     def begin(self, sample: int, time: float, stop: int) -> float:
-        """Return the time since the first sample (s) at which a segment begins. The segment begins with sample number
-        `sample` at `time` on the clock of the recording; `stop` is the number after its last sample so far."""
+        """Return the time (s) since the first sample at which a segment begins; `stop` follows its last sample."""
         if self._run < 0:
             self._origin = time
         if sample != self._run:
@@ -143,9 +138,7 @@ def kept_ranges(
 
 
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
-    """Require that the longest segment that is kept has at least `MINIMUM_SAMPLES` samples. The recording lasts until
-    `end` (s).
-    """
+    """Require `MINIMUM_SAMPLES` in the longest kept segment of a recording up to `end` (s)."""
     if longest < MINIMUM_SAMPLES:
         requested = join_names(range_texts(kept)) or "nothing"
         raise DataError(
@@ -191,8 +184,7 @@ def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
-    """Return the time base of the part of a recording that is kept, from the time of the first sample (s) and number of
-    samples of each segment. It begins `left` seconds after the start of the recording."""
+    """Return the kept part's time base from first times (s) and sizes of segments, `left` (s) after the start."""
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))
     steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]

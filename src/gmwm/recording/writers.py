@@ -1,7 +1,5 @@
-"""Write recordings to CSV, Parquet (both keep every bit), MCAP or .imu records, and as tables in memory.
-
-An MCAP file holds messages sensor_msgs/msg/Imu of ROS 2. Source: mcap.dev/spec, version 0.
-"""
+"""Write recordings to CSV, Parquet (both keep every bit), MCAP (sensor_msgs/msg/Imu of ROS 2; mcap.dev/spec, version 0)
+or .imu records, and as tables in memory."""
 
 from __future__ import annotations
 
@@ -66,8 +64,7 @@ _MESSAGE = np.dtype(
 
 
 def write_mcap(imu: Imu, path: Path) -> None:
-    """Write a recording to an .mcap file. A sensor that is not recorded is marked by a covariance of −1, as the message
-    defines it. The stamps are whole nanoseconds."""
+    """Write an .mcap file in whole nanoseconds; a covariance of −1 marks a missing sensor, as the message defines."""
     sensors = {sensor: [f"{sensor}_{axis}" in imu.axes for axis in "xyz"] for sensor in ("gyro", "accel")}
     for sensor, present in sensors.items():
         if any(present) and not all(present):

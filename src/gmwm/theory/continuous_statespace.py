@@ -1,8 +1,6 @@
 """Convert state-space models from discrete to continuous time, and back with steps of any length.
 
-Like `gmwm.statespace`, this module does not depend on the processes. The matrices of a sum of processes are
-block-diagonal. Each block is discretised separately, so that a slow process next to a fast one keeps its accuracy.
-"""
+Each block of a sum of processes is discretised separately, so that a slow process next to a fast one stays accurate."""
 
 from __future__ import annotations
 
@@ -177,8 +175,7 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 
 def _keeps_its_range(space: StateSpace) -> bool:
-    """Return whether F maps the range of Q into itself. This is necessary, because continuous noise spreads within a
-    step."""
+    """Return whether F maps the range of Q into itself, as continuous noise spreads within a step."""
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
     size, axes = np.linalg.eigh(space.Q / _sizes(space.Q))
@@ -188,8 +185,7 @@ def _keeps_its_range(space: StateSpace) -> bool:
 
 
 def _sizes(covariance: Matrix) -> Matrix:
-    """Return the products s_i s_j of the standard deviations of a covariance, with 1 for 0, to make it
-    dimensionless."""
+    """Return the products s_i s_j of standard deviations, with 1 for 0, to make a covariance dimensionless."""
     deviations = np.sqrt(np.diag(covariance))
     deviations = np.where(deviations > 0, deviations, 1.0)
     return np.asarray(np.outer(deviations, deviations), dtype=np.float64)

@@ -1,14 +1,11 @@
 """Wavelet filters: coefficients, squared gain and autocorrelation.
 
-A filter has L scaling coefficients g with Σ g = √2 and Σ g² = 1, and g is orthogonal to its even shifts. The wavelet
-coefficients are h_l = (−1)^l g_{L−1−l}. The maximal-overlap transform uses g/√2 and h/√2, upsampled by 2^(j−1) at
-level j. Its level-j wavelet filter has L_j = (2^j − 1)(L − 1) + 1 taps with the sum 0 and the sum of squares 2^−j.
+A filter has L scaling coefficients g, Σ g = √2, Σ g² = 1, orthogonal to even shifts, and wavelet coefficients h_l =
+(−1)^l g_{L−1−l}. The maximal-overlap transform has g/√2 and h/√2, upsampled by 2^(j−1): L_j = (2^j − 1)(L − 1) + 1 taps
+of sum 0 and square sum 2^−j.
 
-Published tables satisfy these equations only up to their printed digits. Each table is therefore replaced by the
-nearest filter that satisfies them, including vanishing moments, up to rounding errors; `adjustment` is the largest
-change of a coefficient. To add a filter, add its table at the end of this file. `find_filter` and the tests then
-include it.
-"""
+Published tables have printed digits only. The nearest filter that satisfies the equations, with vanishing moments,
+replaces each (`adjustment`: largest change). A table at the end of this file adds a filter, also to the tests."""
 
 from __future__ import annotations
 
@@ -28,8 +25,7 @@ from gmwm.base.extras import library
 __all__ = ["WaveletFilter", "find_filter"]
 
 _MOST_LAGS = 64
-"""Largest lag of an autocovariance of first differences, enough for roots of a moving average up to modulus 0.95
-(docs/validation/efficiency.md)."""
+"""Largest lag of differences' autocovariance, for average roots up to 0.95 (docs/validation/efficiency.md)."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest one are treated as zero: they belong to redundant equations."""
 
@@ -293,8 +289,7 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         raise OptionError(f"PyWavelets has no filter {name!r} ({error})", argument="filter", got=name) from error
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
-    # Long filters of PyWavelets have errors of 2e-13. They are not corrected, because this would change their
-    # coefficients by 3e-8.
+    # PyWavelets' long filters have errors of 2e-13; their correction would change coefficients by 3e-8.
     return _filter(name, published, moments=moments, accuracy=2e-11, source=source, rounding=1024.0)
 
 
@@ -309,10 +304,9 @@ def _filter(
 
 
 def project(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
-    """Return the orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm
-    on Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. The equation n = 0 follows from the
-    others, but the wavelet of a table that is orthonormal to 1e-11 can have the sum 1e-5, as in fk22. A filter with an
-    error below `rounding` units in the last place of 1 is returned unchanged."""
+    """Return the nearest orthonormal filter with p vanishing moments, by minimum-norm Newton steps on Σ_l g_l g_{l+2k}
+    = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n < p: a table orthonormal to 1e-11 can have the wavelet sum 1e-5, as fk22.
+    An error below `rounding` units in the last place of 1 changes nothing."""
     g = scaling.copy()
     length = g.size
     place = (np.arange(length) - (length - 1) / 2) / (length / 2)

@@ -1,8 +1,5 @@
-"""Linear Gaussian state-space models: compute variances, autocovariances, spectra and sample paths from their matrices.
-
-This module does not depend on the processes. A process provides its matrices, and the matrices of a sum of processes
-are block-diagonal.
-"""
+"""Linear Gaussian state-space models: variances, autocovariances, spectra and paths from matrices, which are
+block-diagonal for sums of processes."""
 
 from __future__ import annotations
 
@@ -251,8 +248,7 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 @dataclass(frozen=True, eq=False)
 class _StateBlock:
-    """A block of m successive samples from the state x: its end transition·x + w, and its sum sum_of·x + n, with Cov
-    (w, n) = `noise`."""
+    """m successive samples from the state x: its end transition·x + w, its sum sum_of·x + n, Cov (w, n) = `noise`."""
 
     transition: Matrix
     sum_of: Vector

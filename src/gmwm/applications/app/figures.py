@@ -70,9 +70,6 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
     return {"data": figure["data"], "layout": layout}
 
 
-# --- the recording ----------------------------------------------------------------------------------
-
-
 def traces(imu: Imu, width: float, units: UnitSystem) -> tuple[dict[str, Drawn], float]:
     """Return a figure of each axis over time, in which users can mark a time range, and the unit of time (s)."""
     figure = description(plot_recording)(imu, units=units)
@@ -119,15 +116,9 @@ def with_spans(found: Drawn, spans: Sequence[tuple[float, float]], unit: float) 
     return found
 
 
-# --- curves and spectra -----------------------------------------------------------------------------
-
-
 def curves(of: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, units: UnitSystem) -> Panel:
-    """Return a panel with the wavelet variances of the axes of one sensor.
-
-    `of` has the wavelet variances by axis for each estimate. The key of an estimate is added to the axis in the legend:
-    "" for the first estimate, which is drawn with filled symbols, and for example ", robust" for another.
-    """
+    """Return a panel with the wavelet variances of a sensor's axes, by estimate. An estimate's key is added to the axis
+    in the legend: "" for filled symbols, and for example ", robust"."""
     items: dict[str, WaveletVariance] = {}
     strokes: list[Stroke] = []
     for name, axes in of.items():
@@ -152,9 +143,6 @@ def spectra(axes: Mapping[str, PowerSpectrum], units: UnitSystem) -> Panel:
             marks.append(replace(mark, label=label, stroke=mark.stroke if symbol else Stroke(colour, 0.9)))
     low, high = min(panel.y.limits[0] for panel in panels), max(panel.y.limits[1] for panel in panels)
     return replace(panels[0], y=value_axis((low, high), panels[0].y.label), marks=tuple(marks), title="")
-
-
-# --- a model ----------------------------------------------------------------------------------------
 
 
 def fit_figure(fit: Fit, session: Session, width: float) -> Drawn:
@@ -190,11 +178,8 @@ def _place(fit: Fit, term: str, shown: View) -> tuple[float, float]:
 
 
 def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> Process:
-    """Return the process of a term after its handle was dragged to a new position, with the new values held fixed.
-
-    The curve of the new process goes through the position `to` (time, value). If the process has a correlation time,
-    this time changes in proportion to the horizontal position.
-    """
+    """Return the process of a term after its handle was dragged, with its values held fixed. Its curve goes through
+    `to` (time, value); a correlation time changes in proportion to the horizontal position."""
     wv = fit.wavelet_variance
     process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
     shown = view_for(wv, session.view, session.units)

@@ -35,10 +35,7 @@ class Folders:
         return self._inside(text)
 
     def entries(self, text: str) -> tuple[str, list[str], list[str]]:
-        """Return the path of a folder relative to `root`, the names of its folders, and the names of its files.
-
-        Hidden files and links to files outside `root` are left out.
-        """
+        """Return a folder's relative path, its folders and its files, without hidden ones and links to outside."""
         folder = self._inside(text)
         if not folder.is_dir():
             raise ReadError(f"{text} is not a folder", code="is-directory")
@@ -52,8 +49,7 @@ class Folders:
         )
 
     def store(self, name: str, content: IO[bytes]) -> Path:
-        """Copy a dropped file to a folder of its own in the temporary folder, and return its path. Raises a ReadError
-        if it is larger than `LARGEST_DROP`."""
+        """Copy a dropped file (at most `LARGEST_DROP`) to its own temporary folder, and return its path."""
         last = re.sub(r"[\x00-\x1f\x7f\ud800-\udfff]", "_", Path(name.replace("\\", "/")).name)
         # A file system allows names of 255 bytes. The suffix can decide the format.
         short = last if len(last.encode()) <= 200 else f"{last[:40]}{Path(last).suffix[:10]}"

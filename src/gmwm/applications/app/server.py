@@ -36,8 +36,7 @@ class ForgedRequestError(Exception):
 
 
 def require_callback(body: Any, callbacks: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise a ForgedRequestError unless the page can send this request to one of the callbacks, which Dash lists by
-    their outputs."""
+    """Raise ForgedRequestError unless the page can send this request to a callback, by Dash's outputs."""
     _require(isinstance(body, dict) and isinstance(body.get("output"), str), "it names no callback")
     callback = callbacks.get(body["output"], {})
     _require("callback" in callback, "no callback has this output")
@@ -179,8 +178,7 @@ HOST = "127.0.0.1"
 LOADED = (
     "scipy.fft", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
 )  # fmt: skip
-"""Modules that gmwm imports when it needs them. They are imported before the server starts, because SciPy cannot be
-imported by several threads at once (tests/app/test_server.py)."""
+"""Modules imported before the server starts: SciPy fails if several threads import it (tests/app/test_server.py)."""
 SIGNAL_CHECK_S = 0.2  # time (s) between two checks for signals such as Ctrl-C
 
 
@@ -313,11 +311,8 @@ def application(desk: Desk, *, host: str, token: str) -> Any:
 
 
 def _is_allowed(request: Any, host: str, token: str) -> bool:
-    """Return whether a request comes from the page itself.
-
-    The token, the host and the origin must be correct. The host is checked because a foreign page could have a host
-    name that resolves to 127.0.0.1. The origin is checked because a foreign page can send requests to any address.
-    """
+    """Return whether a request comes from the page itself, by token, host and origin. A foreign page could have a host
+    name that resolves to 127.0.0.1, or send requests to any address."""
     sent_token = request.path.split("/", 2)[1] if request.path.startswith("/") else ""
     origin = request.headers.get("Origin")
     if origin is None and request.method not in ("GET", "HEAD"):

@@ -165,11 +165,8 @@ SCREEN_COLUMNS = 2048  # largest number of columns to which a recording is reduc
 
 
 class Overview:
-    """The smallest and the largest sample of each axis in each of at most `SCREEN_COLUMNS` equal parts of a recording.
-
-    A part has `width` samples. Whenever the recording is longer than all parts together, the width is doubled, so the
-    length of the recording need not be known in advance.
-    """
+    """Smallest and largest sample of each axis in at most `SCREEN_COLUMNS` parts of a recording. Their `width`
+    (samples) is doubled as it grows, since its length is not known before."""
 
     def __init__(self, axes: Iterable[str], rate: float) -> None:
         self.axes, self.rate = tuple(axes), rate
@@ -277,8 +274,7 @@ class Workspace:
             try:
                 recording = uncut.result_for(job)
             except GmwmError:
-                # The selected part may be readable although the whole recording is not, for example because its
-                # sampling rate changes.
+                # A part may be readable although the whole recording is not, for example if its rate changes.
                 recording = self.recording(session).result_for(job)
             return overview(recording, lambda n: job.step(_length(n, recording)))
 

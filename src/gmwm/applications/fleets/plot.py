@@ -257,8 +257,7 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(units: Sequence[str]) -> list[str]:
-    """Return the last letters of the files' names without suffix, in which most names differ, or those of their folders
-    if all folders have a file of the same name.
+    """Return the last letters in which most file names (or folders, if all files have one name) differ.
 
     >>> _short(["lot2/unit_0005.csv", "a_recording_of_unit_0006.csv"])
     ['unit_0005', '…g_of_unit_0006']

@@ -46,9 +46,8 @@ class FleetUnits:
     topics: Mapping[str, str] = field(default_factory=dict)
 
     def by_topic(self, reading: ReadOptions) -> FleetUnits:
-        """Return the fleet with a unit `file/topic`, such as `log.bin/IMU_1`, for each inertial recording of a file. If
-        a file has recordings with all six axes, its other recordings are left out, because they repeat some of these
-        axes. If the user chose a topic, only this recording of each file is used."""
+        """Return the fleet with a unit `file/topic`, such as `log.bin/IMU_1`, for each inertial recording, or the
+        chosen topic. Recordings with all six axes replace others of the file, which repeat some of their axes."""
         if reading.topic is not None:
             return self
         paths, topics = dict[str, Path](), dict[str, str]()
@@ -147,8 +146,7 @@ def _raise_unreadable(error: OSError) -> NoReturn:
 
 
 def _is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, by its name or content. A text file needs a known extension. A file that
-    cannot be opened counts as a recording, so that the reason is reported."""
+    """Return whether a file is a recording, by name or content; unreadable ones are, so the reason is reported."""
     for reader in registered():
         # The file that marks a folder as a recording is not a recording itself. A .yaml file may contain anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:

@@ -42,8 +42,7 @@ class ParameterSample:
     symbol: str
     unit: str
     model: str | None  # noise model of the compared units; None if units with different models are compared
-    # x, s2 (n,): logarithms of the estimates (for R, the estimates), and their squared standard errors. NaN in `x` for
-    # units that are not compared.
+    # x, s2 (n,): log estimates (for R, estimates), NaN if not compared, and their squared standard errors.
     x: Vector
     s2: Vector
     # value, low, high (n,): estimates and confidence limits
@@ -140,14 +139,12 @@ def _commonest(names: NDArray[Any]) -> str:
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
 ) -> tuple[AxisDifference, ...]:
-    """Test for each noise parameter, a row (axis, symbol, unit, model) of `x` (m, n), whether the axes of a sensor
-    differ.
+    """Test for each noise parameter, a row of `x` (m, n), whether the axes of a sensor differ.
 
         T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p).
 
-    Here d (p,) are the differences between successive axes (x and y, y and z) in a unit, with the mean d̄ over the n
-    units with values on all axes and the covariance S. A factor that all axes of a unit share cancels in d. The axes
-    may have different precision (Hotelling 1931, Annals of Mathematical Statistics 2, 360-378)."""
+    d (p,) are differences of successive axes in each of n units, with mean d̄ and covariance S. A factor of the unit
+    cancels, and axes may differ in precision (Hotelling 1931, Annals of Mathematical Statistics 2, 360-378)."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, (axis, symbol, _, _) in enumerate(numbers):
         if sensor := sensor_of(axis):

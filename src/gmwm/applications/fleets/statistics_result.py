@@ -33,26 +33,20 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> Integers:
-    """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet.
-
-    >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
-    [0, 1, 2, 100]
-    """
+    """Return how many of `count` units are tested as outliers: a tenth and at least one, but none of a small fleet."""
     return np.where(count < LEAST_UNITS_FOR_OUTLIERS, 0, np.clip(np.floor(SHARE * count), 1, MOST)).astype(np.int64)
 
 
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
     """Remove the farthest unit repeatedly, and test each removed unit against the remaining ones.
 
-    For unit i with the estimate x_i and the standard error s_i (NaN in x is a missing estimate), the test statistic is
+    For unit i with the estimate x_i (or NaN) and the standard error s_i, the test statistic is
 
-        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i².
+        t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i²,
 
-    Here μ̂_{−i} and τ̂²_{−i} are the mean and variance between the remaining units. The statistic has about a t
-    distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The unit is the farthest of n, so its
-    p-value is multiplied by n. It is then replaced by the smallest p-value of this unit and the units removed later:
-    all units up to the last significant one are outliers. If all s_i are zero, this is Rosner's generalised ESD
-    procedure (1983, Technometrics 25, 165-172) with ν_i = n − 2."""
+    with mean and variance between the remaining units, about t with ν_i ≤ n − 2 (Satterthwaite). p-values are
+    multiplied by n, for the farthest, then replaced by the smallest of later removals: all up to the last significant
+    one are outliers. With s_i = 0 it is Rosner's generalised ESD procedure (1983, Technometrics 25, 165-172)."""
     remaining = np.array(x, dtype=np.float64)
     tested = looked_for(np.isfinite(remaining).sum(axis=-1))
     shape = (remaining.shape[0], int(tested.max(initial=0)))
@@ -75,8 +69,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         size2 = others.spread2 + error2 + others.error**2
         distance[rows, k] = (value - others.mean) / np.sqrt(size2)
         scatter = others.spread2_variance * (1 + others.error2_slope) ** 2
-        # For a unit with a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from
-        # few units.
+        # For a large standard error, Satterthwaite's formula gives more than n − 2, although τ̂² comes from few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
         chance = 2 * scipy.special.stdtr(freedom, -np.abs(distance[rows, k]))
         pvalue[rows, k] = np.minimum(1.0, count * chance)

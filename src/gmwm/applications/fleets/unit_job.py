@@ -34,9 +34,8 @@ _INFINITE = "Infinity"
 
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
-    """Return a table row for each axis of a unit, including axes that could not be calibrated. Each datasheet parameter
-    has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high` and `<symbol>_unit`, in SI units. If only an upper limit
-    is known, the value is None and the limit is in `<symbol>_high`."""
+    """Return a row for each axis of a unit, also without calibration: `<symbol>`, `<symbol>_low`, `<symbol>_high` and
+    `<symbol>_unit` in SI. For an upper limit, the value is None."""
     base: Row = {
         "unit": unit,
         "file": printable(path),

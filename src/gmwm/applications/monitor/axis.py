@@ -118,8 +118,7 @@ SLOWNESS, LONGEST_NAMING = 8.0, 60.0
 """A change of level is named after SLOWNESS times the time from onset to alarm, within LONGEST_NAMING seconds. 9 of
 10 excursions of slow noise are then not jumps (validation/study_monitor.py)."""
 SLOW_LEVEL, SLOW_PRIOR = 6, 4.0
-"""From this level on, a jump must exceed the log-likelihood of slow noise by SLOW_PRIOR
-(validation/study_monitor.py)."""
+"""Level from which a jump must exceed slow noise's log-likelihood by SLOW_PRIOR (validation/study_monitor.py)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,8 +270,7 @@ def _course(history: History, onset: int, gain: Gain) -> _LevelChange:
 
 
 def _slow_excess(history: History, onset: int) -> tuple[float, int]:
-    """Return the largest log-likelihood ratio of an increased variance of block means since the onset, and its level.
-    It measures slow noise, whose block means do not follow a jump or ramp."""
+    """Return the largest log-likelihood ratio of a larger variance of block means (slow noise), and its level."""
     values, width, _ = history.since(onset)
     best, level = (0.0, 0), width.bit_length() - 1
     while values.size >= 4:
@@ -465,9 +463,8 @@ class MonitoredAxis:
     def report(
         self, kind: Kind, alarms: Sequence[Alarm], *, hold: int, remembered: int = 0, magnitude: float = 0.0
     ) -> bool:
-        """Register a fault, and return whether it is new or larger than before. A jump or a ramp restarts the level.
-        Further alarms belong to the fault for at least `hold` samples, and for `remembered` samples the same fault is
-        not new."""
+        """Register a fault, and return whether it is new or larger; jumps and ramps restart the level. Alarms for
+        `hold` samples belong to it, and the same fault is not new for `remembered` samples."""
         now = self.charts.count
         longest = max((alarm.sample - alarm.onset for alarm in alarms), default=0)
         self.open = Open(kind, now + max(hold, longest), hold)

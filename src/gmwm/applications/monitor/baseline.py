@@ -182,8 +182,7 @@ def _mean_squares(sums: _BlockSums) -> tuple[Vector, Vector]:
 
 
 def _shapes(blocks: Vector) -> Iterator[float]:
-    """Yield the Gamma shape 1/Var of relative mean squares for groups of 1, 2, 4, … blocks, scaled to one block. Bursts
-    of noise make the shape of larger groups smaller."""
+    """Yield Gamma shapes 1/Var of mean squares of 1, 2, 4, … blocks, per block; bursts make later ones smaller."""
     together = 1
     while together <= 256 and blocks.size >= LEAST_BLOCKS:  # charts raise an alarm within this number of blocks
         yield 1.0 / max(together * float(np.var(blocks, ddof=1)), 1e-300)
@@ -192,8 +191,7 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
-    """Return the mean squares of the standardised Haar coefficients, of m entries of the sums each, in blocks within
-    the segments."""
+    """Return mean squares of standardised Haar coefficients of m block sums each, in blocks within segments."""
     long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
     if not long:
         return np.zeros(0)
@@ -213,9 +211,8 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
         level = len(scatter)
         z = np.concatenate([np.zeros(0), *sums[level]]) / 2.0 ** (level / 2.0)
         if z.size < 30:  # the standard error of the scatter is then 13 %
-            # A chart adds up to about 2^REACH blocks before it raises an alarm, so the scatter of longer blocks matters
-            # too.
-            # A chart of block means uses the largest scatter of its level and of the five next coarser levels.
+            # A chart adds up to 2^REACH blocks before an alarm, so it uses the largest scatter of its and five coarser
+            # levels.
             return tuple(max(scatter[k : k + 6]) for k in range(len(scatter)))
         scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))
 

@@ -1,8 +1,6 @@
 """CUSUM charts of one axis, which monitor its standardised innovations at each Haar level.
 
-The alarms do not depend on how the samples are divided into chunks, because all sums are exact or computed in a fixed
-order. Block sums add pairs of block sums, and the chart statistics are integers in units of 2⁻²⁴.
-"""
+Alarms do not depend on chunks: block sums add pairs, and chart statistics are integers in units of 2⁻²⁴."""
 
 from __future__ import annotations
 
@@ -21,14 +19,12 @@ from gmwm.base.lazy import scipy
 DESIGN_SHIFT = 1.0
 """Shift of a block mean, in standard deviations of block means, for which the level charts have the shortest delay."""
 SOLVED_RUN_BLOCKS = 1e5
-"""Run length (blocks) of the integral equation. For others, the threshold is extrapolated in its logarithm, with an
-error below 4 % from 10⁴ to 10⁸ blocks (tests/monitor/test_charts.py)."""
+"""Run length (blocks) of the integral equation; others are extrapolated within 4 % (tests/monitor/test_charts.py)."""
 
 
 def level_threshold(run_length: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + z − SHIFT/2) for independent standard normal z. The average
-    run length in blocks is (e^{2κb} − 2κb − 1)/(2κ²) with κ = SHIFT/2 and b = h + 1.166, Siegmund's correction for
-    discrete time (Siegmund 1985, Sequential Analysis, section 2.6)."""
+    """Return the threshold h of S ← max(0, S + z − SHIFT/2), z standard normal: run length (e^{2κb} − 2κb − 1)/(2κ²), κ
+    = SHIFT/2, b = h + 1.166 (Siegmund 1985, Sequential Analysis, section 2.6)."""
     kappa = DESIGN_SHIFT / 2.0
     low, high = 0.0, math.log(run_length + 10.0) / (2.0 * kappa) + 10.0
     while high - low > 1e-9:
@@ -40,11 +36,10 @@ def level_threshold(run_length: float) -> float:
 
 
 def noise_threshold(run_length: float, shape: float, ratio: float) -> float:
-    """Return the threshold h of the chart S ← max(0, S + l) with the increments l = k[y(1 − 1/R) − ln R]. The values y
-    are independent, with a Gamma distribution of shape k and mean 1. R is the ratio of variances for which the chart
-    has the shortest delay. The average run length is at least e^h (Lorden 1971, Annals of Mathematical Statistics 42,
-    1897-1908), and C e^h for large h. Page's integral equation, solved for 10⁵ blocks, gives C (Brook and Evans 1972,
-    Biometrika 59, 539-549)."""
+    """Return the threshold h of S ← max(0, S + l), l = k[y(1 − 1/R) − ln R], with independent Gamma y of shape k and
+    mean 1; R is the ratio with the shortest delay. The run length is at least e^h (Lorden 1971, Annals of Mathematical
+    Statistics 42, 1897-1908), and C e^h for large h, with C by Page's integral equation for 10⁵ blocks (Brook and Evans
+    1972, Biometrika 59, 539-549)."""
     return max(math.log(run_length) - _advantage(round(shape, 2), ratio), 0.5)
 
 
@@ -60,12 +55,11 @@ def _advantage(shape: float, ratio: float) -> float:
 
 @lru_cache(maxsize=64)
 def shape_factor(sums: int, ratio: float) -> float:
-    """Return the factor for the shape k of a noise chart that corrects for correlated coefficients of `sums` block sums
-    each. Mean squares of overlapping coefficients have a longer tail than a Gamma distribution with shape k = 1/Var y:
-    at R = 2, up to 1.4 times as many false alarms in 500 blocks. With the factor, E e^l = 1 holds in a long run of
-    blocks, for white normal innovations. Consecutive coefficients of m block sums have the spectral density g(ω) = |Σ ±
-    e^{ikω}|²/m. By Szegő's theorem, the shape q per coefficient follows from −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R,
-    over all ω."""
+    """Return the factor of a noise chart's shape for correlated coefficients of `sums` block sums each.
+
+    Their mean squares have longer tails than a Gamma distribution with k = 1/Var y: up to 1.4 times the false alarms in
+    500 blocks at R = 2. The factor makes E e^l = 1: with density g(ω) = |Σ ± e^{ikω}|²/m, Szegő's theorem gives the
+    shape q per coefficient by −½ mean ln(1 − 2q(1 − 1/R)g(ω)) = q ln R."""
     omega = (np.arange(4096) + 0.5) * np.pi / 4096
     signs = np.repeat([-1.0, 1.0], sums // 2)
     density = np.square(np.abs(np.exp(1j * np.outer(omega, np.arange(sums))) @ signs)) / sums
@@ -110,18 +104,15 @@ def spike_limit(run_length: float) -> float:
 
 
 Family = Literal["noise up", "noise down", "level", "spike", "constant"]
-"""Quantity that a chart monitors: mean squares ("noise up", "noise down"), means ("level"), single innovations
-("spike"), or runs of equal samples ("constant")."""
+"""Monitored quantity: mean squares (noise), means (level), single innovations (spike), or equal samples (constant)."""
 
 NOISE: tuple[tuple[Family, int, float], ...] = (
     ("noise up", 1, 2.0), ("noise up", 1, 1.25), ("noise down", -1, 1.0 / 1.5),
 )  # fmt: skip
-"""Family, direction and variance ratio R of the noise charts of each level. A chart has the shortest delay for a change
-of the variance by its R. The first chart detects large changes and slow noise early. The second one also detects an
-increase of the standard deviation by 10 % (docs/validation/monitor.md)."""
+"""Family, direction and variance ratio R of the noise charts, fastest for its R. The first finds large changes and slow
+noise early, the second 10 % of the standard deviation (docs/validation/monitor.md)."""
 BLOCKS_OF_LEVEL = 4
-"""Length of a block of level j, in 2^j samples. With 16, slow noise is found 40 s later
-(docs/validation/monitor.md)."""
+"""Block length in 2^j samples; with 16, slow noise is found 40 s later (docs/validation/monitor.md)."""
 STATISTIC_UNIT = 2.0**24  # the chart statistics are integers in units of 1/UNIT
 LARGEST_INNOVATION = 6.0
 """Limit of innovations, means and coefficients (standard deviations), so that a wrong sample is no jump."""
@@ -148,8 +139,7 @@ def window(level: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=64)
 def white_shape(level: int) -> float:
-    """Return the shape k = 1/Var y of the mean squares y of a block, for white normal innovations. Var y is the
-    variance of the mean over many blocks times their number, because neighbouring blocks are correlated."""
+    """Return k = 1/Var y of a block's mean squares in white noise; Var y is over many correlated blocks."""
     _, m = window(level)
     half = np.repeat([1.0, -1.0], m // 2)
     rho = np.correlate(half, half, "full") / m

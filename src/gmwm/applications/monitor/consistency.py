@@ -1,9 +1,8 @@
-"""Compare the error that a filter with the calibrated noise claims with the error that it makes on a recording.
+"""Compare the error that a filter with the calibrated noise claims with its error on a recording.
 
-A filter of constant gain K predicts the mean of the signal over the next n samples. Its error is a weighted sum of the
-next n innovations ν, e = (1/n) Σ_k Ψ_{n−k} ν_k with Ψ_i = 1 + Σ_{j=1}^{i} H F^{j−1} K, whether the model is right or
-not. The filter claims the variance (S/n²) Σ Ψ_i². Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications
-to Tracking and Navigation, section 5.4."""
+The error of a predicted mean of n samples is e = (1/n) Σ_k Ψ_{n−k} ν_k with innovations ν and Ψ_i = 1 + Σ_{j=1}^{i} H
+F^{j−1} K, for any model; the filter claims (S/n²) Σ Ψ_i². Bar-Shalom, Li and Kirubarajan (2001), Estimation with
+Applications to Tracking and Navigation, section 5.4."""
 
 from __future__ import annotations
 
@@ -391,8 +390,7 @@ class _Innovations:
 
     @classmethod
     def of(cls, model: Model, signal: Signal, longest: int) -> _Innovations:
-        """Compute the innovations, and the response over the longest horizon (samples). The filter starts again after
-        each gap."""
+        """Compute innovations, and the response over `longest` samples; the filter starts again after each gap."""
         gain = Gain.of(Finite.of(model, signal.rate))
         whitener, parts = Whitener(gain), []
         for values in signal.segment_values():
@@ -433,9 +431,8 @@ class _Innovations:
 
 
 def independent_squares(errors: Vector) -> float:
-    """Return the number of independent squared errors, from their autocorrelation in time. A Gaussian error with the
-    autocorrelation r has the autocorrelation r² of its square; the larger of this and of the measured variance of the
-    mean square counts, because errors may have heavy tails or bursts (Newey and West 1994)."""
+    """Return the number of independent squared errors, by r² for Gaussian errors with autocorrelation r, or by the
+    measured variance if larger (heavy tails or bursts; Newey and West 1994)."""
     first = errors[: 1 << 17]  # the correlation of more errors is the same, and takes longer
     n = first.size
     lags = min(n // 4, 400)

@@ -145,8 +145,7 @@ class _Culprits:
                 name, until = self._until.get(axis, ("", -np.inf))
                 if item.name != name and item.event.time <= until:
                     continue
-                # The differences of the other units contain 1/(n − 1) of the fault. Detecting it takes (n − 1)² times
-                # as long.
+                # Other differences contain 1/(n − 1) of the fault, so detecting it there takes (n − 1)² times as long.
                 slow = (self._units - 1) ** 2 * (item.event.time - item.event.began)
                 # Consequences last at least 600 s.
                 self._until[axis] = (item.name, item.event.time + max(600.0, 4.0 * slow))

@@ -1,11 +1,9 @@
 """Compute the standardised innovations of a signal with the Kalman filter of its model, chunk by chunk.
 
-With a constant gain K, innovations are the output of a fixed filter, with the eigenvalues of F as zeros and those of Φ
-= F − K H as poles. The transient is exact: at the first sample, the state differs by B u from that of the constant-gain
-filter, so that the output is e_t = ε_t + H Φᵗ B u. u has a known prior (diffuse for levels) and is estimated by
-recursive least squares. All operations are per sample, so that results do not depend on the chunks in the last bit.
-Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 5; de Jong (1991), Annals of Statistics
-19, 1073-1083."""
+With a constant gain K they are a fixed filter's output, zeros F and poles Φ = F − K H. The exact transient is e_t = ε_t
++ H Φᵗ B u, with a known prior of u (diffuse for levels), by recursive least squares per sample, so chunks have no
+effect. Durbin and Koopman (2012), Time Series Analysis by State Space Methods, chapter 5; de Jong (1991), Annals of
+Statistics 19, 1073-1083."""
 
 from __future__ import annotations
 
@@ -118,16 +116,14 @@ class Gain:
     """Constant-gain Kalman filter of a model."""
 
     finite: Finite
-    # (p, p), (p,), (p, p) transition matrix, observation row and process noise of the model, including its
-    # level
+    # transition matrix, observation row and process noise of the model with its level
     F: Matrix
     H: Vector
     Q: Matrix
     P: Matrix  # (p, p) steady-state covariance of the predicted state; 0 for a constant level
     S: float  # variance of an innovation, in the squared unit of the signal
     phi: Matrix  # (p, p) Φ = F − K H, with the constant gain K
-    # (p, m) B at the first sample. The first columns are the diffuse states; the others describe the initial
-    # uncertainty of the other states in excess of P.
+    # (p, m) B at the first sample: diffuse states, then the initial uncertainty of the others in excess of P.
     start: Matrix
     diffuse: int  # number of diffuse columns of `start`
 
@@ -139,8 +135,7 @@ class Gain:
         p = H.size
         moving = finite.moving
         scale = float(H @ Q @ H) + float(space.R[0, 0])
-        # Without this lower limit, quantization noise and moving averages with a zero on the unit circle have no stable
-        # filter.
+        # Otherwise, quantization noise and averages with a zero on the unit circle have no stable filter.
         R = max(float(space.R[0, 0]), 1e-8 * scale)
         P = np.zeros((p, p))
         at = np.ix_(moving, moving)
@@ -234,10 +229,9 @@ def _polynomial(roots: tuple[complex, complex]) -> list[float]:
 
 
 def _riccati(F: Matrix, H: Vector, Q: Matrix, R: float) -> Matrix:
-    """Return the steady-state covariance of the predicted state, by a doubling algorithm (Anderson 1978, Second-order
-    convergent algorithms for the steady-state Riccati equation, Int. J. Control 28, 295-306). The recursion is for the
-    filtered state. Given this state, the noise of the next sample is H w + v, with process noise w and measurement
-    noise v. Its variance is never small, but that of v is zero for moving averages and autoregressions."""
+    """Return the steady-state covariance of the predicted state, by doubling (Anderson 1978, Second-order convergent
+    algorithms for the steady-state Riccati equation, Int. J. Control 28, 295-306) for the filtered state: its noise H w
+    + v is never small, unlike v."""
     eye = np.eye(H.size)
     seen, common = H @ F, Q @ H
     variance = float(H @ common) + R

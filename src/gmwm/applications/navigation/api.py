@@ -1,14 +1,12 @@
 """Error budget of unaided inertial navigation: its error equations, and the mean squares of the errors.
 
-For a level vehicle at rest, with x north, y east and z down, small errors of attitude φ, velocity v and position p obey
+For a level vehicle at rest (x north, y east, z down), errors of attitude φ, velocity v and position p obey
 
-    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v.
+    dφ/dt = −ω × φ + δω − e_g,    dv/dt = f × φ − 2ω × v + δg + e_a,    dp/dt = v,
 
-e_g and e_a are the errors of the sensors, ω = Ω (cos L, 0, −sin L) the rotation of the Earth at latitude L, δω its
-error from v, p and the radius R (Schuler oscillation, 84 min), f = (0, 0, −g), and δg = (0, 0, 2g/R) p_z. Accelerations
-of the vehicle are not included. Titterton and Weston (2004), Strapdown Inertial Navigation Technology, 2nd ed., chapter
-12.
-"""
+with sensor errors e_g, e_a, Earth rate ω = Ω (cos L, 0, −sin L), its error δω by v, p and radius R (Schuler, 84 min), f
+= (0, 0, −g), δg = (0, 0, 2g/R) p_z, and no accelerations. Titterton and Weston (2004), Strapdown Inertial Navigation
+Technology, 2nd ed., chapter 12."""
 
 from __future__ import annotations
 
@@ -415,8 +413,7 @@ class _ErrorPart:
 
 
 def _is_wide(total: Matrix, error: Matrix) -> Matrix:
-    """Return where the ends of the interval of a root mean square differ by more than a factor of `WIDEST_INTERVAL`,
-    from the mean squares and half the widths of their intervals."""
+    """Return where the RMS interval exceeds `WIDEST_INTERVAL`, from mean squares and half widths."""
     return np.asarray((total > 0) & (error > math.log(WIDEST_INTERVAL) * total))
 
 

@@ -208,8 +208,7 @@ def largest(budget: Budget, kind: str) -> Growth | None:
 
 
 def number_text(one: Growth, time: float, largest_number: float = np.inf) -> str:
-    """Format an error at a time (s) without its interval, or its upper limit; both are interpolated linearly on
-    logarithmic scales. Of a larger error than `largest_number`, only this is stated."""
+    """Format an error at a time (s) or its limit, interpolated on logarithmic scales, or only `largest_number`."""
     with np.errstate(divide="ignore"):
         value = float(np.exp(np.interp(np.log(time), np.log(one.times), np.log(one.stated))))
     if value >= largest_number:

@@ -1,12 +1,10 @@
 """Prove by branch and bound over the shapes of the terms that no other parameters of a joint model fit better.
 
-A node of the search tree has an interval of shapes (wavelet variances at unit scale) for each searched term. Its
-relaxed problem allows any mixture of them. Let r be the residual of a fit, and z a vector with positive products with
-all allowed columns of the design. If y = r − δ z has no positive product with them, the objective of every fit is at
-least (yᵀb)²/(yᵀy), with the data b. The largest product of y with the columns of a shape κ is the largest eigenvalue of
-A = Σ_j κ_j R_j, with a matrix R_j of y for each level j. Between tabulated coordinates, κ is a cubic with four control
-points, of which it is a convex combination, plus a bounded error. The largest eigenvalue is convex, so its values at
-the control points bound it on the cell."""
+A node has intervals of shapes (unit wavelet variances); its relaxation allows any mixture. With a residual r, and z of
+positive products with allowed columns, y = r − δ z without positive products bounds every objective by (yᵀb)²/(yᵀy),
+data b. The largest product with a shape κ is the largest eigenvalue of A = Σ_j κ_j R_j, R_j of y at level j. Between
+tabulated coordinates κ is a convex combination of four control points plus a bounded error, and the eigenvalue is
+convex, so the control points bound it."""
 
 from __future__ import annotations
 
@@ -36,8 +34,7 @@ class ShapeTable:
     kind: type[Process]  # class of the process of the term
     branch: Branch  # map from the search coordinate to the shape parameter
     nodes: Vector  # (n,) tabulated search coordinates
-    # (n,) Distance of each tabulated shape from the first one, along the curve of the logarithms of the shapes.
-    # Factors of a shape do not count.
+    # (n,) distance from the first tabulated shape along the curve of logarithms, without factors
     length: Vector
     # (n − 1, 4, J) control points of the cubic in each cell between neighbouring tabulated coordinates
     controls: NDArray[np.float64]
@@ -184,8 +181,7 @@ class Prover:
         return children
 
     def bound(self, node: Intervals, enough: float) -> tuple[float, Vector]:
-        """Return a lower bound for a node, and the search coordinate of the largest shape of each term in its relaxed
-        solution. The iteration stops when the bound reaches `enough`."""
+        """Return a node's lower bound, up to `enough`, and the coordinate of each term's largest relaxed shape."""
         problem = self.problem
         chosen = [np.linspace(low, high, 7) for low, high in node]
         best, parts = 0.0, np.array([float(np.mean(interval)) for interval in node])

@@ -1,10 +1,8 @@
 """Least squares with positive semidefinite or diagonal matrices as unknowns, solved by the logarithmic barrier method.
 
-With s the free entries of the covariance matrices Σ_p, A the design matrix and b the weighted moments, the problem is
-min |b − A s|² subject to Σ_p ⪰ 0. Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for decreasing μ. Its exact
-minimum is at most ν μ above the optimum, for ν rows of all matrices (Boyd and Vandenberghe 2004, Convex Optimization,
-section 11.2). The last Newton step ends only near this minimum, so gmwm states the gap 2 ν μ.
-"""
+min |b − A s|² subject to Σ_p ⪰ 0, s their free entries: Newton's method minimises |b − A s|² − μ Σ_p log det Σ_p for
+decreasing μ, at most ν μ above the optimum, ν rows of all matrices (Boyd and Vandenberghe 2004, Convex Optimization,
+section 11.2). As the last step ends only near this minimum, gmwm states 2 ν μ."""
 
 from __future__ import annotations
 
@@ -65,8 +63,7 @@ class Conic:
 def least_squares(
     design: Matrix, target: Vector, cone: Cone, *, gap: float = 1e-9, warm: Matrix | None = None
 ) -> Conic:
-    """Minimise |b − A s|² subject to Σ_p ⪰ 0, until the relative gap to the optimum is small enough. `design` is A (n,
-    k), with a column for each free entry, `target` is b (n,), and `warm` the result of a similar problem."""
+    """Minimise |b − A s|² subject to Σ_p ⪰ 0 to a relative `gap`; A is `design` (n, k), `warm` a similar result."""
     if warm is not None:
         try:
             return _least_squares(design, target, cone, gap=gap, warm=warm)

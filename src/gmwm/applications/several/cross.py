@@ -61,10 +61,8 @@ class Curves(NamedTuple):
 
 
 def streamed_curves(stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float) -> Curves:
-    """Read a recording, and return the wavelet variances of its axes and the cross-covariances of all pairs. The axes
-    are scaled to similar size before they are added. Classical estimates do not depend on the scales and need one pass.
-    Robust estimates do, so the axes are measured first, and their sums and differences afterwards, in up to four
-    passes."""
+    """Return wavelet variances of axes and cross-covariances of all pairs, of axes scaled to similar size. Robust ones
+    depend on scales, so axes are measured first, then sums and differences, in up to four passes."""
     pairs, signs = pairs_of(list(axes)), (1.0, -1.0) if robust else (1.0,)
     sums = {f"{a} {sign:+g} {b}": (a, b, sign) for a, b in pairs for sign in signs}
     count, held = exact_levels(len(axes) + len(sums)), held_samples(len(axes) + len(sums))
@@ -153,9 +151,8 @@ GAIN_IN_ERRORS = 5.0
 
 
 def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
-    """Return the delay d (samples) of each pair (a, b) in which b lags behind a; pairs without a delay are left out. If
-    one of two signals with shared noise is delayed, their correlation at fine scales is small or negative, and the
-    correlation between samples that are d apart is larger."""
+    """Return the delay d (samples) of each pair (a, b) in which b lags: correlations at fine scales are small or
+    negative, and those of samples d apart larger."""
     longest = max(next(iter(signals.values())).segments, key=lambda ends: ends[1] - ends[0])
     first, last = longest[0], min(longest[1], longest[0] + (1 << 20))
     delays: dict[tuple[str, str], int] = {}
@@ -338,8 +335,7 @@ def _curves(
 
 
 class _UnitNoise(NamedTuple):
-    """The noise model of one signal, its wavelet variance (J,) scaled to the geometric mean 1, and Var ν̂² (J,). The
-    degrees of freedom do not depend on the scale. Without it, differences of variances could lose precision."""
+    """Noise model of one signal, its wavelet variance (J,) with geometric mean 1, for precision, and Var ν̂² (J,)."""
 
     model: Model
     curve: Vector
@@ -404,11 +400,11 @@ MOST_BLOCK_MEANS = 1 << 20
 def shared_noise(
     signals: Mapping[str, Signal] | Iterable[tuple[str, Signal]], *, size: float = 0.05, threads: int | None = None
 ) -> tuple[SharedNoise, ...]:
-    """Return the scales at which two axes share noise according to the test of `cross`, sorted by p-value. Of more than
-    `MOST_BLOCK_MEANS` samples, the means of blocks of 2^k samples are tested, with the smallest sufficient k; the k
-    finest scales are then not tested. Linear trends are removed first, because two axes with unrelated drifts are
-    correlated at the largest scales. Axes without noise at some scale are left out. Short
-    gaps of a mapping are filled first, but not those of pairs of axis and signal."""
+    """Return the scales at which two axes share noise (`cross`), by p-value.
+
+    Beyond `MOST_BLOCK_MEANS`, means of 2^k samples are tested, without the k finest scales. Linear trends are removed,
+    as unrelated drifts correlate at the largest scales. Axes without noise at a scale are left out. Gaps of a mapping
+    are filled."""
     try:
         means, k = dict[str, Signal](), 0
         pairs_of_axes = synchronous_signals(signals, None).items() if isinstance(signals, Mapping) else signals

@@ -55,8 +55,7 @@ class JointSolution:
     products: Matrix  # (P, P, J, J) G at the estimate; see `gmwm.applications.several.matrices`
     # estimated covariance matrices Γ̂ of the wavelet coefficients at the levels used, in the units of the signals
     measured: WaveletMatrices
-    # Whether the weights are the inverse of the covariance V under the estimate. If weights and estimate do not agree
-    # after `ROUNDS` rounds, the weights are inverse variances of the moments, estimated from the data.
+    # Whether weights are V⁻¹ under the estimate; after `ROUNDS` rounds without convergence, inverse variances of data.
     converged: bool
 
     @property
@@ -87,8 +86,7 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
         products = lag_products(problem.processes(weights.u), design)
         wavelet = measured.design.loss_factor * moment_covariance(weights.sigmas, products)
         problem = replace(problem, root=_root(wavelet * _scale(problem, weights.implied)))
-        # The first weights are rough, so the search is repeated once with better weights. The accuracy of the other
-        # rounds keeps the error of the fitted variances at a tenth of their change in the last round.
+        # The first weights are rough, so the search is repeated. Accuracy: a tenth of the last round's change.
         accuracy = (
             EXACT_TOLERANCE if k == 1 else float(np.clip(0.01 * weights.change**2, EXACT_TOLERANCE, ROUGH_TOLERANCE))
         )
@@ -108,18 +106,15 @@ def settle(terms: tuple[JointTerm, ...], measured: WaveletMatrices) -> JointSolu
 
 @dataclass(frozen=True, eq=False)
 class _Mixed:
-    """The parameter values from which the weights of the next round are computed. They are extrapolated from the
-    estimates of the last two rounds by the secant method (Anderson 1965, Iterative procedures for nonlinear integral
-    equations, J. ACM 12, 547-560, with one step of memory)."""
+    """Parameters for the weights of the next round, extrapolated from two rounds by the secant method (Anderson 1965,
+    Iterative procedures for nonlinear integral equations, J. ACM 12, 547-560, one step of memory)."""
 
     u: Vector  # (K,) search coordinates of the shapes
     sigmas: Matrix  # (P, d, d) covariance matrices of the terms
     implied: Matrix  # (J, d) wavelet variances of the model with these values
-    # largest relative difference, in the last round, between the wavelet variances that gave the weights and the fitted
-    # ones
+    # largest relative difference of the last round between fitted variances and those of its weights
     change: float = np.inf
-    # coordinates and matrices estimated in the last round, and the difference of two logarithms: of the fitted wavelet
-    # variances, and of the wavelet variances that gave the weights of this round
+    # estimated coordinates and matrices of the last round, and log ratio of fitted variances to those of its weights
     last: tuple[Vector, Matrix, Matrix] | None = None
 
     @classmethod
@@ -252,10 +247,8 @@ class Errors:
 
 
 def errors(settled: JointSolution, *, inside: bool = False) -> Errors:
-    """Return the covariance of the estimates, B V Bᵀ, with V the covariance of the moments and B the derivatives of the
-    estimates with respect to the moments. Estimated matrices may be singular. The estimates then vary only in
-    directions that keep the rank of each matrix; with `inside`, all entries vary, as without the condition that the
-    matrices are positive semidefinite."""
+    """Return B V Bᵀ of the estimates, V of the moments, B the derivatives by moments. Singular matrices vary only in
+    directions that keep their rank, or, with `inside`, in all entries."""
     problem, estimate = settled.problem, settled.estimate
     blocks = problem.blocks(problem.shapes(estimate.u))
     bases = tuple(
@@ -302,10 +295,8 @@ def _tangent(cone: Cone, place: int, sigma: Matrix, single: bool) -> Matrix:
 
 
 def misfit(settled: JointSolution) -> GoodnessOfFit:
-    """Compute the goodness-of-fit test of the model. The moments of coarse levels are skewed, so the variance of the
-    statistic is larger than that of a chi-square variable. For η independent coefficients of d signals, S = W/η has a
-    Wishart distribution, and the part (η/2) tr(S − I)² of a level has the mean d(d + 1)/2 and the variance d(d + 1) +
-    d(2d² + 5d + 5)/η. The estimated parameters reduce this part by the mean leverage h_j of the level."""
+    """Compute the goodness-of-fit test. Coarse moments are skewed: with η coefficients of d signals and Wishart S =
+    W/η, (η/2) tr(S − I)² has the mean d(d + 1)/2 and the variance d(d + 1) + d(2d² + 5d + 5)/η, less leverage h_j."""
     problem = settled.problem
     rows, _ = entries(problem.d)
     # Two terms with the same shape count once. A common term counts with all entries of its matrix.

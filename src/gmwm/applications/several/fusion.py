@@ -87,10 +87,8 @@ def noise_of(settled: JointSolution, sigmas: Matrix | None = None) -> ArrayNoise
 
 
 def shrunk(settled: JointSolution, sigmas: Matrix, scatter: Vector) -> Matrix:
-    """Return the covariance matrices with those of shared and common terms shrunk towards a multiple of the identity.
-    Weights depend on the inverse matrices, and shrinkage makes them more stable. Its share is the estimation variance
-    of the entries over their squared distance from the multiple of the identity, at most 1 (Ledoit and Wolf 2004,
-    Journal of Multivariate Analysis 88, 365-411)."""
+    """Return covariance matrices, shared and common ones shrunk to a multiple of the identity, for stable inverses, by
+    variance over squared distance ≤ 1 (Ledoit and Wolf 2004, Journal of Multivariate Analysis 88, 365-411)."""
     out = sigmas.copy()
     for place, term in enumerate(settled.problem.terms):
         if term.kind != "own":
@@ -121,10 +119,8 @@ def unit_of(settled: JointSolution) -> float:
 
 
 def optimism(settled: JointSolution, design: Design, levels: Integers) -> Vector:
-    """Return the factor (J,) by which the variance in other recordings is larger than predicted, by a parametric
-    bootstrap. Moments are drawn under the fitted model, and a filter is designed for the matrices estimated from them.
-    The factor is the mean variance under the fitted model over the mean variance under these estimates, and at least
-    1."""
+    """Return the factor (J,) ≥ 1 of the variance in other recordings over the predicted one, by a parametric bootstrap.
+    Filters are designed for matrices estimated from moments drawn under the fitted model."""
     problem, scatter = settled.problem, scatters(settled)
     centre = shrunk(settled, settled.estimate.sigmas, scatter)
     truth = noise_of(settled, centre)
@@ -310,8 +306,7 @@ def _static(axis: str, signals: Mapping[str, Signal], horizon: Horizon, *, nonne
 
 
 def _shares(measured: WaveletMatrices, horizon: Horizon) -> Vector:
-    """Return the weights (J,) of the matrices: of the two levels nearest to a scale, interpolated in the logarithm of
-    the scale, or of the levels in a range, divided by the variance of the average of all signals."""
+    """Return the weights (J,) of matrices: two levels around a scale, or a range over variances of the average."""
     count = measured.design.levels.size
     for end in horizon if isinstance(horizon, tuple) else (horizon,):
         at = np.log2(end * measured.design.rate) - measured.design.levels[0]
@@ -319,7 +314,7 @@ def _shares(measured: WaveletMatrices, horizon: Horizon) -> Vector:
             low, high = (duration_text(measured.tau[k]) for k in (0, -1))
             raise OptionError(
                 f"the scale {end:g} s is outside the scales of the recording, {low} to {high}",
-                argument="horizon", got=horizon, advice="Choose a scale {--horizon} inside.",
+                argument="horizon", got=horizon, advice="Pass {--horizon} with a scale inside.",
             )  # fmt: skip
     if isinstance(horizon, tuple):
         inside = (measured.tau >= horizon[0] * (1 - 1e-9)) & (measured.tau <= horizon[1] * (1 + 1e-9))

@@ -1,15 +1,13 @@
 """A virtual sensor that fuses several sensors, and its Kalman filter on the differences of their signals.
 
-Differences B x (B 1 = 0) of signals x of the same axis do not depend on the motion. w₀ are the weights with sum 1 that
-minimise the white noise of w₀ᵀ x, which is independent of the differences. The filter estimates the noise b_p of each
-other process from B x. The fused signal is ŝ = w₀ᵀ x − Σ_p c_p B b̂_p with c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺, because c_p B
-b_p is the best linear prediction of w₀ᵀ b_p.
-"""
+Differences B x (B 1 = 0) of signals of one axis contain no motion. w₀ᵀ x has the least white noise, independent of
+them. The filter estimates other noise b_p: ŝ = w₀ᵀ x − Σ_p c_p B b̂_p, with c_p = w₀ᵀ Σ_p Bᵀ (B Σ_p Bᵀ)⁺, as c_p B b_p
+predicts w₀ᵀ b_p best."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,9 +61,8 @@ class DifferenceFilter:
                 "K": self.K.tolist(), "C": self.C.tolist()}  # fmt: skip
 
     def run(self, x: Matrix) -> Vector:
-        """Return the fused signal (N,) of the samples (d, N) of one segment. The mean of the differences over the first
-        time constant of the filter is subtracted first, so that the initial transient is small. This changes the result
-        only by a constant."""
+        """Return the fused signal (N,) of samples (d, N) of a segment, minus the mean difference over the filter's
+        first time constant, a constant for a small transient."""
         base = self.weights @ x
         if not self.C.size:
             return np.asarray(base)
@@ -151,10 +148,8 @@ class ArrayNoise:
         return F, Q, H, C
 
     def fused_space(self, filter: DifferenceFilter) -> StateSpace:
-        """Return the state space of the fused signal of an array at rest, for any difference filter. Random walks z
-        make the filter states ξ non-stationary. They are therefore written as ξ = G z + e, where G is the steady-state
-        response to a constant z. The remainder e is stationary: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, with the
-        increments w of z and all other noise n."""
+        """Return the fused signal's state space at rest, for any filter. As walks z make its states ξ non-stationary, ξ
+        = G z + e with the steady response G: e_t = A e_{t−1} − A G w_{t−1} + K B n_t, increments w, noise n."""
         parts = [(space, factor(sigma)) for space, sigma in zip(self.spaces, self.sigmas, strict=True) if space.states]
         F = scipy.linalg.block_diag(*(np.kron(space.F, np.eye(root.shape[1])) for space, root in parts))
         Q = scipy.linalg.block_diag(*(np.kron(space.Q, np.eye(root.shape[1])) for space, root in parts))
@@ -164,8 +159,7 @@ class ArrayNoise:
         response = np.linalg.solve(np.eye(filter.C.size) - filter.A, gain @ H) * walk
         p, n, d = len(F), filter.C.size, filter.weights.size
         white = self.white
-        # The state vector contains the noise states, e, and the white noise of this sample, which enters the output and
-        # e.
+        # The state vector contains noise states, e, and this sample's white noise, which enters the output and e.
         stationary = gain @ (H * ~walk)
         transition = np.zeros((p + n + d, p + n + d))
         transition[:p, :p], transition[p : p + n, :p], transition[p : p + n, p : p + n] = F, stationary @ F, filter.A
@@ -393,10 +387,10 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised, Plotted, Tabular):
+class VirtualSensor(Summarised, Plotted, Tabular, Mapping[str, VirtualAxis]):
     """A virtual sensor that fuses an array of sensors of the same type.
 
-    `virtual["gyro_x"]` returns one of its axes.
+    A mapping of axis to its weights and noise: `virtual["gyro_x"]`.
 
     Attributes
     ----------
@@ -414,6 +408,12 @@ class VirtualSensor(Summarised, Plotted, Tabular):
         if axis not in self.axes:
             raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
         return self.axes[axis]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.axes)
+
+    def __len__(self) -> int:
+        return len(self.axes)
 
     def apply(self, x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None) -> Imu:
         """Fuse a recording of the same array, at rest or in motion.

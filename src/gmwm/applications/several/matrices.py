@@ -1,12 +1,10 @@
 """Covariance matrices of wavelet coefficients of synchronous signals, as moments with their exact covariance.
 
-For signals X = Σ_p L_p u_p of independent processes u_p with wavelet variances κ_pj and Σ_p = L_p L_pᵀ, the covariance
-matrix of the coefficients at level j is Γ_j = Σ_p κ_pj Σ_p. Its estimates have the covariances
+X = Σ_p L_p u_p, with wavelet variances κ_pj of u_p and Σ_p = L_p L_pᵀ, has Γ_j = Σ_p κ_pj Σ_p, whose estimates have
 
     Cov(γ̂_ab,j, γ̂_cd,k) = Σ_p Σ_q (Σp_ac Σq_bd + Σp_ad Σq_bc) G_pq,jk,   G_pq,jk = Σ_u n(u) κ_p(u) κ_q(u) / (M_j M_k),
 
-with κ_p(u) = Cov(W_j,t, W_k,t+u), n(u) pairs of coefficients at lag u, and M_j coefficients of level j.
-"""
+with κ_p(u) = Cov(W_j,t, W_k,t+u), and n(u) pairs of the M_j and M_k coefficients at lag u."""
 
 from __future__ import annotations
 

@@ -440,8 +440,7 @@ def _ratios(apart: Deviations, parameters: Mapping[str, Parameter], confidence: 
 
 
 def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, float] | None:
-    """Return the logarithm of a parameter over its pool value, and its standard error; None if it is not determined.
-    The curve is linear in variances, so one step is exact."""
+    """Return log parameter over pool and its error, or None; curves are linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf
     if error > LONGEST_SHAPE_STEP or abs(step) > LONGEST_SHAPE_STEP:

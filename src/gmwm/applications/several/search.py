@@ -23,8 +23,7 @@ from gmwm.theory.processes.parameter import Branch
 from gmwm.theory.processes.validation import function_of
 
 Kind = Literal["own", "common", "shared"]
-"""Kind of a term by its covariance matrix Σ between the signals: diagonal ("own", independent noise), Σ = ℓℓᵀ
-("common"), or any positive semidefinite matrix ("shared")."""
+"""Covariance Σ of a term: diagonal ("own", independent), ℓℓᵀ ("common"), any positive semidefinite ("shared")."""
 _SHARED = re.compile(r"\s*(?:(\d+)\s*\*\s*)?(own|common|shared)\s*\((.*)\)\s*(?:\*\s*(\d+)\s*)?", re.DOTALL)
 
 
@@ -285,8 +284,7 @@ def coordinates(problem: JointProblem) -> Vector | None:
 
 
 ROUGH_TOLERANCE = 1e-4
-"""Relative accuracy of the objective while starts are compared; it does not change any fit of
-docs/validation/joint.md."""
+"""Relative accuracy of objectives while starts are compared; no effect on fits of docs/validation/joint.md."""
 EXACT_TOLERANCE = 1e-9  # relative accuracy of the objective of a final fit
 
 

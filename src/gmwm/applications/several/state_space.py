@@ -1,9 +1,7 @@
 """State-space form of several signals with shared noise, in discrete and continuous time, and their smoother.
 
-The unknown level of each signal is a regression coefficient with a flat prior: filter and smoother are applied, with
-the same gains, to the data and to a constant for each signal. A random walk starts at 0, because its initial value is
-part of the level. Durbin and Koopman (2012), Time Series Analysis by State Space Methods, sections 4.4 and 5.7.
-"""
+The unknown levels are coefficients with a flat prior, of a constant filtered with the same gains; walks start at 0.
+Durbin and Koopman (2012), Time Series Analysis by State Space Methods, sections 4.4 and 5.7."""
 
 from __future__ import annotations
 
@@ -251,8 +249,7 @@ def _tracks(
     states = {term: np.array([label_of == term for label_of in space.terms]) for term in dict.fromkeys(space.terms)}
     rows = {term: space.H[k] * mine for term, mine in states.items() if np.any(space.H[k] * mine)}
     terms = list(rows)
-    # As in a fit of one signal, the unknown level is part of the random walk. Without a random walk, the level is
-    # reported separately.
+    # As for one signal, the unknown level is part of the random walk, and reported separately without one.
     level = next((term for term in terms if np.any(space.diffuse & states[term])), LEVEL)
     nothing = np.zeros(space.H.shape[1])
     rows.setdefault(level, nothing)
@@ -271,8 +268,7 @@ def _tracks(
 
 
 def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
-    """Return the mean and variance (N,) of the white noise of a signal: what the other terms do not explain of a
-    sample. For a missing sample, the mean is 0 with the variance of the model."""
+    """Return mean and variance (N,) of white noise, what other terms leave; 0 and the model's for missing samples."""
     mean, variance = smoother.track(space.H[k], k)
     present = np.isfinite(record.values)
     noise = np.where(present, record.values, 0.0) - np.where(present, mean + record.centre, 0.0)

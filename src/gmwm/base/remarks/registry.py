@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,12 +11,8 @@ from importlib.resources import files
 from string import Formatter
 from typing import Any
 
+from gmwm.base.lazy import tomllib
 from gmwm.base.template import Fact, Quantity
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 
 class Severity(IntEnum):
@@ -77,32 +72,12 @@ CASE = "case"  # fact that tells apart the situations of a code
 
 @dataclass(frozen=True)
 class Message:
-    """The entry of a code in the registry.
+    """The entry of a code in the registry; `cause` is the situation as a noun phrase, if it can make numbers wrong.
 
-    Attributes
-    ----------
-    code : str
-        Identifier of the remark.
-    section : str
-        One of the keys of `SECTIONS`.
-    cause : str
-        The situation as a noun phrase, if the numbers of a calibration can be wrong because of it.
-    severity : str or Choice
-        Severity of the remark.
-    sentence, advice : str or Choice
-        Templates of the sentence that states what happened, and of the advice on what to do. `{subjects}` is replaced
-        by the subjects of the remark. If the sentence does not contain it, the subjects are written before the
-        sentence.
-    detail : str or Choice
-        Template of the text in parentheses after the name of each subject.
-    meaning : str
-        What the remark means for the results, in Markdown, for the documentation.
-    examples : tuple of mappings of name to fact
-        Facts and subject of an example of each case of the message, for the documentation.
-    raises, spoils : tuple of str
-        Symbols of the numbers that are too large, so that they are upper limits, and of those that are wrong. "all"
-        stands for every number, and "facts" for the numbers in the fact `numbers`, or every number without it.
-    """
+    `sentence` and `advice` are templates; `{subjects}` are otherwise written before the sentence, each with `detail` in
+    parentheses. `meaning` (Markdown) and `examples` (facts of each case) are for the documentation. `raises` and
+    `spoils` are symbols of numbers that are upper limits or wrong: "all", or "facts" for those in the fact
+    `numbers`."""
 
     code: str
     section: str

@@ -12,23 +12,10 @@ from gmwm.base.template import Dialect, Fact, Quantity
 
 @dataclass(frozen=True)
 class Remark:
-    """Information that a user needs before using a result.
+    """Information that a user needs before using a result: a message `code` of `gmwm.remarks.messages()`, the axis,
+    term, scale or file (`subject`, "" for the whole result), `facts` of the sentence, `severity`, and template of
+    `advice`.
 
-    Attributes
-    ----------
-    code : str
-        Identifier of the message, one of the codes in `gmwm.remarks.messages()`.
-    subject : str
-        Axis, term, scale or file that the remark is about; an empty string for the whole result.
-    facts : mapping of name to fact
-        Values (with units) and names that the sentence contains.
-    severity : Severity
-        Severity of the remark.
-    advice : str
-        Template of the advice on what to do.
-
-    Examples
-    --------
     >>> remark = Remark.of("rows-repeated", "imu.csv", count=3)
     >>> remark.severity.label, remark.facts["count"]
     ('wrong', 3)
@@ -42,13 +29,7 @@ class Remark:
 
     @classmethod
     def of(cls, code: str, subject: str = "", /, **facts: Fact) -> Remark:
-        """Create a remark with a registered code. The registry states its severity and its advice.
-
-        Raises
-        ------
-        KeyError
-            If the code is not registered, or if a fact that the message needs is missing.
-        """
+        """Create a remark with severity and advice of the registry; KeyError for unknown codes or missing facts."""
         entry = message(code)
         if missing := entry.needs(facts) - facts.keys():
             raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
@@ -78,13 +59,7 @@ class Remark:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Remark:
-        """Restore a remark from the result of its `to_dict`.
-
-        Raises
-        ------
-        KeyError
-            If the code is not registered, or if a fact is missing.
-        """
+        """Restore a remark from its `to_dict`; KeyError for unknown codes or missing facts."""
         facts = {str(name): as_fact(value) for name, value in values["facts"].items()}
         return cls.of(str(values["code"]), str(values["subject"]), **facts)
 
@@ -96,10 +71,7 @@ class Remark:
 
 
 def sorted_remarks(remarks: Iterable[Remark]) -> list[Remark]:
-    """Sort remarks by severity, and remove repeated ones.
-
-    Remarks about reading the file come last among remarks of the same severity.
-    """
+    """Sort remarks by severity, those about reading the file last, without repetitions."""
     return sorted(dict.fromkeys(remarks), key=lambda remark: (remark.severity, remark.message.section == "reading"))
 
 

@@ -24,11 +24,7 @@ def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
-    """Group remarks with the same code about several subjects. The most severe group comes first.
-
-    Remarks with the same code are in different groups if they differ in a fact that the sentence states once for all
-    subjects.
-    """
+    """Group remarks of one code, and of the same facts that a sentence states once, most severe first."""
     groups: dict[tuple[object, ...], list[Remark]] = {}
     for remark in sorted_remarks(remarks):
         shared = remark.message.constant_facts(remark.facts)
@@ -38,17 +34,7 @@ def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
 
 
 def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False) -> list[str]:
-    """Return all remarks as text, the most severe first. Remarks with the same code about several subjects are merged.
-
-    Parameters
-    ----------
-    remarks : iterable of Remark
-        The remarks.
-    dialect : Dialect
-        Form of the commands and names in the text: Python, shell or HTML.
-    codes : bool
-        Whether to append the code to each text, so that users can search for it in the documentation.
-    """
+    """Return all remarks as text, the most severe first, those of one code merged, and with `codes` their codes."""
     return [text for _, text in with_groups(remarks, dialect, codes=codes)]
 
 
@@ -66,21 +52,7 @@ def brief(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True,
     most: int = MOST_REMARKS,
 ) -> list[str]:  # fmt: skip
-    """Return the most severe remarks as text, and a line with the number of other remarks.
-
-    Parameters
-    ----------
-    remarks : iterable of Remark
-        The remarks.
-    dialect : Dialect
-        As for `texts`.
-    rest : str
-        Place where the user finds the other remarks, such as a file name.
-    codes : bool
-        As for `texts`.
-    most : int
-        Largest number of texts.
-    """
+    """Return the `most` severe remarks as text, and a line with the number of others and their place (`rest`)."""
     every = texts(remarks, dialect, codes=codes)
     if len(every) <= most:
         return every
@@ -156,22 +128,8 @@ def sentence_and_advice(remark: Remark, dialect: Dialect) -> tuple[str, str]:
 
 
 def explanation(code: str, dialect: Dialect = Dialect.PYTHON) -> str:
-    """Return what a message means and what to do, as text of at most 80 columns.
+    """Return what a message means and what to do, in 80 columns; OptionError for unknown codes.
 
-    Parameters
-    ----------
-    code : str
-        Code of the message, as the terminal shows it in brackets.
-    dialect : Dialect
-        Form of the commands and names in the text: Python or shell.
-
-    Raises
-    ------
-    gmwm.errors.OptionError
-        If no message has this code.
-
-    Examples
-    --------
     >>> import gmwm
     >>> print(gmwm.remarks.explanation("last-line").splitlines()[0])
     last-line (info)

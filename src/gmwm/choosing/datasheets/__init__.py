@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm.base.errors import MissingTheoryError, ModelError
 from gmwm.base.remarks import Remark
+from gmwm.base.template import join_names
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import SYMBOL, bias_instability
 from gmwm.choosing.datasheets.effective import (
@@ -35,8 +36,7 @@ __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise", "model_datashee
 
 FILTER = ("N", "K")  # symbols of the numbers of a filter, which come first in a datasheet
 SAME_NUMBER_DIFFERENCE = 0.05
-"""Largest relative difference between a number of a filter and the same number of a term of the model for which the
-datasheet does not repeat the number of the term. Pinned by tests/test_datasheet.py."""
+"""Relative difference up to which a filter's number replaces that of a term (tests/test_datasheet.py)."""
 
 _FLICKER = f"{SYMBOL}_f"  # symbol of the coefficient of a flicker term, before it is renamed to B
 
@@ -49,8 +49,7 @@ _TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit with the confidence intervals of its parameters, None if they cannot be computed. `z` is half the width of
-    an interval in standard errors."""
+    """A fit with confidence intervals (None if unavailable); `z` is half their width in standard errors."""
 
     fit: Fit
     intervals: dict[str, Interval] | None
@@ -132,10 +131,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
 
 
 def with_limits(sheet: Datasheet, fit: Fit) -> Datasheet:
-    """Return a datasheet in which every number is plausible, with upper limits of N and K if they may be zero.
-
-    Numbers of the terms that repeat a number of a filter are left out.
-    """
+    """Return plausible numbers, with upper limits of N and K that may be zero, without repetitions by terms."""
     resonances = {entry.term: entry.value for entry in sheet.entries if entry.symbol.startswith("f_r")}
     entries = [
         plausible(entry, sheet.rate, sheet.samples, resonances.get(entry.term))
@@ -177,6 +173,11 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
         numbers, remark = _of_term(judged, term, process)
         entries += [_beside(entry, entries) for entry in numbers]
         remarks += [remark] if remark else []
+    # A filter with N cannot tell a Gauss-Markov process that is much faster than its horizon from white noise.
+    times = (entry for entry in entries if entry.symbol.partition("[")[0] == "T_c")
+    if fast := [str(entry.term) for entry in times if entry.value < DEFAULT_HORIZON_S / 10]:
+        without = f", without {join_names(fast)}, which N contains"
+        entries = [replace(e, title=e.title + without) if e.symbol.startswith("N of ") else e for e in entries]
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
         # The coefficient of a flicker term is the bias instability B, as the standard defines it.
@@ -241,8 +242,7 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Return the confidence interval of a number, ±z standard errors on a logarithmic scale, or a linear one if it has
-    a sign."""
+    """Return a number's interval: ±z standard errors on a logarithmic scale, or a linear one if it has a sign."""
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))

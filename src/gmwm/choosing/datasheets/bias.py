@@ -36,9 +36,8 @@ UNBOUNDED_HALF_WIDTH = 300.0
 
 @dataclass(frozen=True)
 class FitCurve:
-    """The p free parameters of a fit and their covariance `scatter`, for standard errors of its Allan variance.
-    `moving` has each parameter with its process. A name means the logarithm of this parameter. None means the scale of
-    a term that is estimated as zero."""
+    """The p free parameters of a fit and their covariance `scatter`; `moving` has each with its process, by logarithm
+    of the name, or the scale itself (None) of a term estimated as zero."""
 
     moving: tuple[tuple[Process, str | None], ...]
     scatter: Matrix
@@ -48,8 +47,7 @@ class FitCurve:
 
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
-        """Return the parameters and covariance of a fit, with terms that act as others replaced, and without spread if
-        `sampling`."""
+        """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
@@ -79,9 +77,8 @@ class FitCurve:
         return replace(self, moving=moving, scatter=scatter, weighted=self.weighted[:, noises])
 
     def ends(self, z: float) -> Iterator[dict[Process, Process]]:
-        """Yield the processes at both ends of the principal axes of the confidence region that are longer than a factor
-        of two, for which a derivative does not describe the effect of a parameter. An end is nearer where the wavelet
-        variance changes by more than twice what its derivative says, because the data exclude what is beyond."""
+        """Yield processes at both ends of principal axes longer than a factor of two, where derivatives fail. An end is
+        nearer if the variance changes there by over twice what its derivative says: the data exclude what is beyond."""
         free = [k for k, (_, name) in enumerate(self.moving) if name is not None]
         variances, axes = np.linalg.eigh(self.scatter[np.ix_(free, free)])
         for variance, axis in zip(variances, axes.T, strict=True):
@@ -125,14 +122,12 @@ class FitCurve:
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return ∂σ²(n)/∂ ln θ of the Allan variance at n samples for the parameter `name`, or by the scale itself for
-    None."""
+    """Return ∂σ²(n)/∂ ln θ of the Allan variance for the parameter `name`, or by the scale itself for None."""
     return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
 def sensitivity(process: Process, name: str | None, of: Callable[[Process], T]) -> T:
-    """Return ∂f/∂ ln θ of a variance f (or an array) for the parameter `name`, exact for scales, by differences of
-    order 6 for shapes, and with respect to the scale itself for None."""
+    """Return ∂f/∂ ln θ for `name`: exact for scales, differences of order 6 for shapes; by the scale for None."""
     if name is None:
         return of(process)
     parameter = next(p for p in process.parameters if p.name == name)
@@ -155,21 +150,17 @@ SYMBOL: Literal["B"] = "B"
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
     """Compute the bias instability B, or only a remark that says why it cannot be computed.
 
-    B is the minimum of the Allan deviation σ(τ) over the averaging times τ of the recording, divided by √(2 ln 2/π)
-    (IEEE Std 952-1997, annex C). Sinusoids are left out, because the zeros of their Allan deviation give no information
-    about the noise. At the minimum, a change of τ has only a second-order effect. With A = σ²(τ) and a parameter θ,
+    B is the minimum of σ(τ) in the recording, over √(2 ln 2/π) (IEEE Std 952-1997, annex C), without sinusoids, whose
+    zeros do not inform about noise. With A = σ²(τ) at the minimum, where τ has only a second-order effect,
 
-        ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
+        ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ,
 
-    and the confidence interval is B exp(±z SE(ln B)). The standard error also includes terms that are estimated as
-    zero. There is no interval if `z` is None.
+    and the interval is B exp(±z SE(ln B)), with terms estimated as zero; none if `z` is None.
 
-    B is only an upper limit if the curve still falls at the last τ, rises from the first τ on, or does not rise above
-    its minimum by z standard errors of the difference. The limit is then the upper end of the interval. It depends on
-    the model, which could lack flicker noise. But B is at most σ(τ)/√(2 ln 2/π) at any τ, so the smallest upper
-    confidence limit of the measured σ gives a limit without a model. The larger of the two limits is used. No upper end
-    exceeds the largest upper confidence limit of the measured σ near the minimum of its curve.
-    """
+    B is an upper limit if the curve falls at the last τ, rises from the first on, or not by z standard errors above its
+    minimum. The limit is the larger of the interval's end, as a model may lack flicker noise, and the smallest upper
+    limit of the measured σ(τ)/√(2 ln 2/π), as B is at most this. No end exceeds the largest upper limit of σ near its
+    minimum."""
     wv = fit.wavelet_variance.without_lags
     noises = tuple(process for process in fit.model.processes if process.oscillation() is None)
     lines = tuple(process for process in fit.model.processes if process.oscillation() is not None)
@@ -213,9 +204,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """Return the smallest upper confidence limit of the measured Allan deviation, without the sinusoids `lines`: that
-    of the model times the ratio of both wavelet variances. None if levels next to the minimum, at `n` samples, are
-    missing."""
+    """Return the smallest upper limit of the measured Allan deviation without `lines`: the model's times the ratio of
+    wavelet variances; None without levels near the minimum."""
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
     # A variance of zero is due to the coarse resolution of the output, so it gives no limit for the noise.
@@ -229,13 +219,8 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
-    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum.
-
-    >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
-    1000
-    """
-    # Number of points per octave at which `lowest` evaluates a curve at first. The Allan variance of a sum of processes
-    # has few extrema per octave.
+    """Return the number of samples, from 1 to `last`, at which a curve with few extrema per octave has its minimum."""
+    # 24 points per octave at first: the Allan variance of a sum of processes has few extrema per octave.
     count = 2 + math.ceil(24 * math.log2(last))
     sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))
     while True:
@@ -244,16 +229,14 @@ def lowest(curve: Callable[[Integers], Vector], last: int) -> int:
         if high - low <= 2:
             return int(sizes[k])
         # The next points are whole numbers between the two neighbours of the lowest point.
-        # Number of points at which `lowest` evaluates a curve in each refinement.
         sizes = np.unique(np.linspace(low, high, min(32, high - low) + 1).astype(np.int64))
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: FitCurve | None, z: float | None) -> str | None:
     """Return why the minimum gives only an upper limit: "falls", "rises" or "unsure"; None if it gives a value."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
-    # On a flat curve, the position n of the minimum depends only on rounding errors.
-    # Largest relative difference between the ends and the minimum of a curve for which the curve counts as flat, like
-    # the curve of flicker noise. B is then known although the curve does not rise. Pinned by tests/test_bias_limits.py.
+    # On a flat curve (flicker noise), rounding errors decide n, and B is known without a rise
+    # (tests/test_bias_limits.py).
     if ends.max() <= (1 + 1e-9) * least:
         return None
     if n == last:

@@ -28,8 +28,7 @@ class Variance:
 
 @dataclass(frozen=True)
 class BiasTerms:
-    """The terms of a fit that are not estimated as zero, each with whether it is part of the bias (see `is_slow`).
-    `moving` says this of the process of each free parameter of the curve."""
+    """The nonzero terms of a fit, each with whether it is part of the bias (`is_slow`); `moving` is by parameter."""
 
     processes: tuple[tuple[Process, bool], ...]
     curve: FitCurve
@@ -46,12 +45,11 @@ class BiasTerms:
         return cls(processes, curve, tuple(moving), fit.wavelet_variance.without_lags)
 
     def variance_of_mean(self, samples: int, span: int) -> Variance:
-        """Compute the error variance of the mean of a recording, regarded as an estimate of the constant bias. For
-        stationary noise, a term contributes the variance of the mean. The level of a random walk is not constant, so it
-        contributes the variance of the mean minus the level at the end of the recording, K²T/3. Flicker and power-law
-        noise, and stationary noise with a correlation time above T, contribute the Allan variance at T, half the
-        variance of the difference between the means of two successive recordings. Ramps are not noise. `span` includes
-        the samples that are missing in gaps; for each term, the larger of the variances for both lengths is used."""
+        """Compute the error variance of a recording's mean as an estimate of the constant bias.
+
+        Stationary noise contributes the variance of the mean, a random walk that minus the level at the end, K²T/3.
+        Flicker, power laws and noise slower than T contribute the Allan variance at T; ramps are no noise. `span`
+        includes gaps; each term has the larger variance of both lengths."""
         rate = self.curve.design.rate
 
         def of(process: Process) -> float:
@@ -60,10 +58,9 @@ class BiasTerms:
         return self._sum(of, fast=True)
 
     def variance_over(self, duration: float) -> Variance:
-        """Compute the mean square of the bias about its mean over a duration (s). The bias is the sum of all terms with
-        a correlation time of at least 1 s, random walks, and flicker and power-law noise. The variance of 2^J samples
-        about their mean is the sum of the Haar wavelet variances of the levels 1 to J, even for a random walk (Percival
-        and Walden 2000, section 8.1). Between these lengths, it is interpolated on a logarithmic scale."""
+        """Compute the mean square of the bias (terms slower than 1 s, walks, flicker, power laws) about its mean over a
+        duration (s): for 2^J samples the sum of Haar variances of levels 1 to J, even for walks (Percival and Walden
+        2000, section 8.1), logarithmically interpolated."""
         rate = self.curve.design.rate
         position = max(math.log2(max(duration * rate, 1.0)), 1.0)
         low = math.floor(position)
@@ -76,12 +73,10 @@ class BiasTerms:
         return self._sum(of, fast=False)
 
     def _sum(self, of: Callable[[Process], float], *, fast: bool) -> Variance:
-        """Add up the variances that `of` computes for the slow terms and, if `fast` is True, for the other terms too.
-        The variance of the slow terms is estimated as v with the standard error s, but its true value cannot be
-        negative. Its posterior distribution under a uniform prior for positive values has the mean v + sλ and the
-        variance s²(1 − uλ − λ²), with u = v/s, λ = φ(u)/Φ(u), and the normal density φ and distribution function Φ.
-        With this mean, a random walk that is estimated as zero is not treated as absent. The mean is at most the limit
-        of `variance_limit`."""
+        """Add up the variances `of` the slow terms and, if `fast`, of the others.
+
+        The slow sum v ± s cannot be negative: a uniform prior for positive values gives the mean v + sλ and variance
+        s²(1 − uλ − λ²), u = v/s, λ = φ(u)/Φ(u), up to `variance_limit`. A walk estimated as zero is not absent."""
         total, square, limit, known = 0.0, 0.0, 0.0, dict[int, float]()
 
         def once(process: Process) -> float:
@@ -116,20 +111,17 @@ class BiasTerms:
 
 
 def is_slow(process: Process, rate: float) -> bool:
-    """Return whether a process is part of the bias: flicker, power-law noise, and noise slower than 1 s except
-    oscillations and ramps."""
+    """Return whether a process is part of the bias: flicker, power laws, or over 1 s without oscillations and ramps."""
     if process.oscillation() is not None or process.scale == 0:
         return False
     time = process.correlation_time(rate)
     if time is None or is_flicker(process, rate):
         return True
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
-    # Smallest correlation time (s) for which a term is part of the bias. It is equal to the averaging time at which N
-    # is defined, and to the default time horizon of exported files.
+    # Smallest correlation time (s) of the bias: the averaging time at which N is defined, and the default horizon.
     if time < 1.0 or (powers and not powers & {0.5, -0.5}):
         return False
-    # An ARMA process that describes the sensor at high frequencies can have a slow pole, but most of its variance is at
-    # scales below 1 s.
+    # An ARMA process of the sensor can have a slow pole, but most of its variance is at scales below 1 s.
     if time == math.inf or not process.has("autocovariance"):
         return True
     fast = process.wavelet_variance(max(1, round(math.log2(max(rate, 2.0)))), rate).sum()

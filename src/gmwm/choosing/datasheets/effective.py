@@ -40,16 +40,14 @@ model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effe
 
 @dataclass(frozen=True, eq=False)
 class CurveRatio:
-    """Ratio of the measured spectrum to the spectrum of a model, as a function of the angular frequency. `logs` (J,) is
-    its logarithm at each level, and `errors` (J,) the standard error; both are 0 where the model fits."""
+    """Ratio of measured to model spectrum by frequency: logarithms by level and their errors, 0 where they agree."""
 
     levels: Vector
     logs: Vector
     errors: Vector
 
     def __call__(self, theta: Vector) -> Vector:
-        """Return the ratio at angular frequencies (rad per sample), linear in logarithms between centres √2 π/2^j of
-        octaves."""
+        """Return the ratio at frequencies (rad per sample), linear in logarithms between octave centres √2 π/2^j."""
         level = math.log2(math.sqrt(2) * math.pi) - np.log2(theta)
         return np.asarray(np.exp(np.interp(level, self.levels, self.logs)))
 
@@ -60,9 +58,7 @@ class CurveRatio:
 
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
-    """Return the factor from the density of a model to the measured one; None if it is 1. It is the ratio of both
-    variances, without the sinusoids, at levels that differ by more than `MISFIT_ERRORS` standard errors, and 1 at the
-    others."""
+    """Return the factor from a model's density to the measured one, 1 within `MISFIT_ERRORS`; None if always 1."""
     fit = fit.without_lags
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
@@ -85,13 +81,11 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
 
 
 DEFAULT_HORIZON_S = 1.0
-"""Default horizon (s). N then agrees with the Allan deviation at 1 s within 3 % for white noise with flicker noise or a
-random walk. For flicker noise and Gauss-Markov terms of 100 s and more, the prediction of the next minute is at most
-8 % worse than with the best K (docs/validation/filter.md)."""
+"""Default horizon (s): N agrees with σ(1 s) within 3 % for white noise with flicker or a walk. For flicker and GM of ≥
+100 s, the next minute is predicted at most 8 % worse than with the best K (docs/validation/filter.md)."""
 
 TRUE_CLAIM = (0.8, 1.3)
-"""Ratios of the stated to the real error of a filter that count as true. A convention, pinned by
-tests/exporters/test_quality.py."""
+"""Ratios of stated to real error that count as true, a convention (tests/exporters/test_quality.py)."""
 
 WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
@@ -100,8 +94,7 @@ _TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk o
 
 @dataclass(frozen=True)
 class Use:
-    """Properties of the filter or simulator that uses the two numbers: the horizon (s) over which it predicts, and the
-    name of its own parameter for flicker noise, so that the two numbers must not include it."""
+    """The horizon (s) of a filter or simulator, and its own flicker parameter, which the two numbers then exclude."""
 
     horizon: float = DEFAULT_HORIZON_S
     flicker: str = ""
@@ -184,9 +177,8 @@ def claim(fit: Fit, white: float, walk: float, time: float) -> float:
 
 
 def true_times(fits: Sequence[Fit], white: float, walk: float) -> tuple[float, float]:
-    """Return the shortest and the longest time (s) between which the error that a filter with N and K states is true
-    (`TRUE_CLAIM`), from 1 s, for the axis with the largest real error. The longest is infinite if it is true up to
-    1000 s, or up to a tenth of a shorter recording; both are infinite if it is true at no time."""
+    """Return the times (s, from 1 s) between which a filter's stated error is true (`TRUE_CLAIM`) for the axis with the
+    largest real error; infinite if true up to 1000 s, or a tenth of a shorter recording; both if never true."""
     wv = fits[0].wavelet_variance
     times = [
         t for t in (1.0, 2, 5, 10, 20, 30, 60, 100, 150, 200, 300, 500, 700, 1000) if 10 * t * wv.rate <= wv.samples
@@ -218,11 +210,10 @@ def checked_horizon(horizon: float) -> float:
 
 
 def limited(fit: Fit, entries: Mapping[str, Entry], horizon: float, level: float) -> dict[str, Entry]:
-    """Return N and K with upper limits, from a fit of the model with this noise added, where they may be zero.
+    """Return N and K with upper limits, from a fit with this noise added, where they may be zero.
 
-    Slow noise below the limit of K adds up to K² T/3 to the Allan variance at the horizon T. If the model has none, a
-    filter counts it in N if its correlation time is a few T, which such a recording does not show, so the interval of N
-    includes it."""
+    Slow noise below K's limit adds up to K² T/3 to the Allan variance at the horizon T. A filter counts it in N if its
+    correlation time is a few T, which the recording does not show, so N's interval includes it."""
     numbers = {symbol: _limited(fit, entry, level) for symbol, entry in entries.items()}
     white, walk = numbers["N"], numbers["K"]
     absent = walk.upper_only and not entries["K"].value
@@ -242,8 +233,7 @@ def _limited(fit: Fit, entry: Entry, level: float) -> Entry:
 
 
 def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """Compute N and K like `effective_noise`, without the fits for upper limits. A number is zero, and an upper limit,
-    if a filter without it predicts best."""
+    """Compute N and K without fits for upper limits; a number is zero, and a limit, if a filter without it is best."""
     numbers, errors = _numbers(fit, use)
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
     ends = [] if errors is None else _numbers_at_ends(fit, use, z)
@@ -273,8 +263,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 
 def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
-    """Return the numbers at the ends of the confidence region of a model whose parameters are poorly known. There the
-    best filter can be another one, which tracks noise that the filter of the estimate averages, or the reverse."""
+    """Return the numbers at the ends of a poorly known region, where the best filter can be another one."""
     stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
     if (use, z) not in stored:
         ratio, ((numbers, _), _) = curve_ratio(fit), _numbers(fit, use)
@@ -302,9 +291,8 @@ def _at(
     """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
     processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
-    # Length of the recording over the longest time constant 1/w of a filter. The recording has too few independent
-    # parts to show that a slower filter predicts better, so a smaller K is zero. Pinned by
-    # tests/test_effective_noise.py.
+    # A recording has too few parts to show that a slower filter predicts better, so K is zero
+    # (tests/test_effective_noise.py).
     slowest = wv.samples / 10.0
     alike = near is not None and all(_has_resonances_of(process, new) for process, new in moved.items())
     prediction = near.prediction if near is not None and alike else None
@@ -312,8 +300,7 @@ def _at(
 
 
 def _has_resonances_of(process: Process, other: Process) -> bool:
-    """Return whether a process is accurate at the frequencies of a quadrature for another one of its kind. One shape
-    parameter does not move a resonance."""
+    """Return whether a process fits another's quadrature frequencies: one shape parameter does not move a resonance."""
     return len(process.nonlinear_parameters()) < 2 or bool(np.array_equal(process.nonlinear, other.nonlinear))
 
 
@@ -355,9 +342,8 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
 
 
 def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
-    """Return the standard errors of ln N² and ln K². With u = ln w, the condition ∂J/∂u = 0 gives du/dθ =
-    −(∂²J/∂u∂θ)/(∂²J/∂u²). The second condition N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, and d ln K²/dθ
-    = d ln N²/dθ + 2 du/dθ."""
+    """Return the standard errors of ln N² and ln K². With u = ln w, ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²), and
+    N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, d ln K²/dθ = d ln N²/dθ + 2 du/dθ."""
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples

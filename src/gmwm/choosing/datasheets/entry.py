@@ -172,8 +172,7 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """Format a value and limits with equal decimals, so that the interval has `_DIGITS` digits, or each with `_DIGITS`
-    if they differ much."""
+    """Format a value and limits with equal decimals (`_DIGITS` of the interval), or each if they differ much."""
     most_digits = 6
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):

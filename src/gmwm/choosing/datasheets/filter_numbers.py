@@ -1,5 +1,4 @@
-"""White noise N and random walk K with which a filter predicts a noise best and states the error that it makes, and
-the error of the filter of the full model."""
+"""N and K with which a filter predicts a noise best and states its own error, and the full model's error."""
 
 from __future__ import annotations
 
@@ -22,43 +21,35 @@ from gmwm.theory.statespace import StateSpace
 _LEGENDRE = leggauss(12)
 """Nodes and weights of the Gauss-Legendre rule of each panel, which integrates one period of a cosine within 1e-12."""
 _FIRST = 1e-14
-"""Lowest angular frequency (rad per sample) of a panel. Below, the spectrum is a power law, which is integrated in
-closed form."""
+"""Lowest angular frequency (rad per sample) of a panel; below, power laws are integrated in closed form."""
 _COARSE, _FINE = 4.0, 2**0.25
 """Ratios of the ends of a panel at low frequencies, and above `_RESONANT`, where the spectrum may have resonances."""
 _RESONANT = 0.01  # angular frequency (rad per sample) above which the panels are narrow enough to detect resonances
 _PERIODS = 76
-"""Number of periods 2π/n of the mean of n samples that have a panel of their own. Above, the part of the error that
-oscillates with frequency is left out, because its integral is negligible."""
+"""Periods 2π/n of a mean of n samples with panels of their own; above, the oscillating part is negligible."""
 _FADE, _WIDTH = 300.0, 30.0
 """Centre and width (rad) of the smooth transition to frequencies at which the oscillating part is left out."""
 
 LEAST_PERIODS, MOST_PERIODS = 1 / 3, 10.0
-"""Numbers of periods of a line in the horizon between which the line is part of the prediction error. A faster line
-averages out. A slower one would make the filter follow the line (tests/test_filter_numbers.py). On 11 axes of an
-ADIS16405 with lines near 0.56 Hz, the stated error at 1 s is 1.00 of the real one with the lines, and 0.79 to 0.89
-without them; the numbers with the lines predict better at 1, 10 and 60 s (docs/concepts/two-numbers.md)."""
+"""Periods in the horizon of a line in the error: faster ones average out, slower ones would be followed
+(tests/test_filter_numbers.py). On 11 axes of an ADIS16405 (0.56 Hz), stated over real error at 1 s is 1.00 with, 0.79
+to 0.89 without lines, which predict better at 1, 10 and 60 s (docs/concepts/two-numbers.md)."""
 
 Spectrum = Callable[[Vector], Vector]
-"""Density (u² per sample) at angular frequencies (rad per sample) above zero; white noise of variance 1 has density 1.
-"""
+"""Density (u² per sample) at angular frequencies (rad per sample) above zero; 1 for white noise of variance 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class FilterPrediction:
     """The error with which a filter predicts the mean of the next n samples of a noise.
 
-    The filter estimates the noise x by exponential smoothing, b_k = b_{k−1} + g (x_k − b_{k−1}), which is the
-    steady-state Kalman filter for white noise and a random walk, and predicts the mean of x_{k+1}, …, x_{k+n} by b_k.
-    With the two-sided spectral density S(θ) of the samples, the mean square of the prediction error is
+    Exponential smoothing b_k = b_{k−1} + g (x_k − b_{k−1}), the steady-state Kalman filter of white noise and a walk,
+    predicts the mean of x_{k+1}, …, x_{k+n}. With the two-sided density S(θ), the mean square error is
 
         J(g) = (1/2π) ∫ |G(θ) − H(θ)|² S(θ) dθ,  G = (1/n) Σ_{m=1}^{n} e^{imθ},  H = g / (1 − (1 − g) e^{−iθ}).
 
-    G − H is zero at θ = 0, so that J is finite for a random walk and for flicker noise. A ramp with the slope ω per
-    sample adds ω² ((n + 1)/2 + (1 − g)/g)², and a sinusoid of the power P adds P |G − H|² at its frequency. `theta`
-    (m,) are angular frequencies (rad per sample), `mass` (m,) the density times the quadrature weights over π, or the
-    power of a sinusoid, and `ramp` the sum of ω². `weights` (k,) are the quadrature weights of the first frequencies.
-    """
+    G − H is zero at θ = 0, so J is finite for walks and flicker. Ramps ω add ω² ((n + 1)/2 + (1 − g)/g)², sinusoids P
+    |G − H|². `theta` and `mass` (m,) are frequencies, and densities times `weights` over π, or powers."""
 
     theta: Vector
     mass: Vector
@@ -71,10 +62,8 @@ class FilterPrediction:
         cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None, *,
         lines: bool = True, near: FilterPrediction | None = None,
     ) -> FilterPrediction:  # fmt: skip
-        """Return the prediction of a sum of processes. `ratio` is a factor of the density of all processes at angular
-        frequencies (rad per sample); `lines` includes the sinusoids with periods near the horizon. `near` is the
-        prediction of a sum with the same resonances, whose quadrature is used. Raises MissingTheoryError for an unknown
-        spectrum."""
+        """Return the prediction of a sum of processes, with a factor `ratio` of their density and, if `lines`,
+        sinusoids near the horizon; `near` lends the quadrature of the same resonances."""
         present = [p for p in processes if p.scale != 0]
         sinusoids = [line for p in present if (line := p.line(rate)) is not None and lines]
         seen = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
@@ -135,9 +124,8 @@ class FilterGain:
         return 2 * self.g * self.keep / (2 * self.keep + self.g)
 
     def claim(self, samples: int) -> tuple[float, float]:
-        """Return the variance that the filter states for the mean of n samples, over the variance of the white noise.
-        It is 1/n + g + q² (n + 1)(2n + 1)/(6n) with q = w Δt. The second number is its derivative with respect to ln
-        q."""
+        """Return the filter's variance of the mean of n samples over white noise, 1/n + g + q² (n + 1)(2n + 1)/(6n)
+        with q = w Δt, and its derivative by ln q."""
         walk = self.bandwidth**2 * (samples + 1) * (2 * samples + 1) / (6 * samples)
         return 1 / samples + self.g + walk, self.slope + 2 * walk
 
@@ -149,8 +137,7 @@ def is_near(periods: float) -> bool:
 
 @lru_cache(maxsize=256)
 def _density(processes: tuple[Process, ...], rate: float, theta: bytes) -> Vector:
-    """Return the density of several processes. It is cached, because only the factor `ratio` changes between the
-    predictions from which the error of a number follows."""
+    """Return the density of several processes, cached, as only the factor `ratio` changes between predictions."""
     angle = np.frombuffer(theta)
     return freeze(np.asarray(np.sum([spectrum_of(process, rate)(angle) for process in processes], axis=0)))
 
@@ -166,8 +153,7 @@ def spectrum_of(process: Process, rate: float) -> Spectrum:
 
 
 def _of_octaves(process: Process, rate: float) -> Spectrum:
-    """Return the density ν_j² 2^j at the centre √2 π/2^j of each octave: exact for white noise, within 20 % if it
-    falls."""
+    """Return ν_j² 2^j at octave centres √2 π/2^j: exact for white noise, within 20 % if the density falls."""
     # Number of levels of the wavelet variance of a process without a density. Below, its density is a power law.
     count = 20
     levels = np.arange(1, count + 1)
@@ -203,8 +189,7 @@ def _responses(theta: bytes, samples: int, gain: FilterGain) -> tuple[Vector, Ve
 
 @lru_cache(maxsize=4)
 def _on_grid(theta: bytes, samples: int, slowest: float) -> tuple[Vector, Matrix, Matrix]:
-    """Return a grid of ln(w Δt), g, 1 − g and the slope of each gain (3, n), and the derivatives of |G − H|² (n, m),
-    which the predictions of one recording share."""
+    """Return a grid of ln(w Δt), g, 1 − g and slopes (3, n), and derivatives of |G − H|² (n, m), for one recording."""
     count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
     grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
     gains = [FilterGain(math.exp(u)) for u in grid]
@@ -246,7 +231,6 @@ def _grown(low: float, high: float, by: float) -> Vector:
 
 def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector, Vector]:
     """Return frequencies, weights, and weights times the density, with panels that are halved at resonances."""
-    # Largest number of times that a panel is halved.
     splits = 12
     ends = _panels(samples)
     low, high = ends[:-1], ends[1:]
@@ -276,8 +260,7 @@ def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector, Vecto
 
 
 def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> NDArray[np.float64]:
-    """Return the nodes (n, 12) of Gauss-Legendre quadrature in ln θ on each of n panels, their weights, and the weights
-    times the density."""
+    """Return nodes (n, 12) of Gauss-Legendre quadrature in ln θ on n panels, weights, and weights times density."""
     x, w = _LEGENDRE
     octaves = np.log(high / low)[:, None]
     theta = low[:, None] * np.exp(octaves * (x + 1) / 2)
@@ -292,8 +275,7 @@ _HIGHEST, _PER_DECADE = 1e3, 6
 
 @dataclass(frozen=True, kw_only=True)
 class FilterNumbers:
-    """White noise N (u/√Hz) and random walk K (u/√s) of a filter for one noise; zero if a filter without it is best.
-    `samples` is the number of samples in the horizon of `prediction`."""
+    """White noise N (u/√Hz) and walk K (u/√s) of a filter, 0 if it is best without; `samples` in the horizon."""
 
     N: float
     K: float
@@ -314,23 +296,13 @@ def filter_numbers(
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
-    The filter has the bandwidth w = K/N. Two conditions determine N and K, without a division of the noise into terms:
+    Two conditions determine them, with the bandwidth w = K/N, and no division of the noise into terms:
 
         w = argmin J_T(w)    N² (1/T + w + w² T/3) = J_T(w)
 
-    J_T is the mean square of the prediction error (see `FilterPrediction`, also for `ratio` and `near`). The left side
-    of the second condition is the error that the filter states. The formulas are for T far above the sampling interval
-    Δt. The code uses their exact form for samples, so that the numbers of white noise plus a random walk are those of
-    its terms for every T. For white noise N and flicker noise B, w T ≪ 1 gives K = 2B²/(πN). If the time constant of
-    the best filter is longer than `slowest` samples, K is zero. Raises MissingTheoryError if the spectrum of a process
-    is unknown.
-
-    >>> import gmwm
-    >>> model = gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)
-    >>> numbers = filter_numbers(model.processes, rate=100.0)
-    >>> round(numbers.N, 12), round(numbers.K, 12)
-    (0.0001, 1e-05)
-    """
+    J_T is the mean square error (see `FilterPrediction`), and the left side the error that the filter states. The code
+    has the exact form for samples, so white noise plus a walk has the numbers of its terms. White N and flicker B have
+    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples."""
     samples = samples_in(horizon, rate)
     prediction = FilterPrediction.of(processes, rate, samples, ratio, near=near)
     gain = best_gain(prediction, slowest)
@@ -373,8 +345,7 @@ def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> f
     measured = float(space.R[0, 0])
     if space.states == 0:
         return measured / samples
-    # Variance of the measurement noise that is added to a model without any, relative to the variance of its
-    # innovations. The Riccati equation cannot be solved without it.
+    # Relative measurement noise of a model without any, without which the Riccati equation cannot be solved.
     floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
         before = scipy.linalg.solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))

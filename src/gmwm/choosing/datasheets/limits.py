@@ -1,5 +1,4 @@
-"""Upper limits: of white noise and random walks that the fitted model does not contain, and of numbers that a recording
-cannot show."""
+"""Upper limits of noise that the model does not contain, and of numbers that a recording cannot show."""
 
 from __future__ import annotations
 
@@ -26,11 +25,8 @@ def variance_limit(
 ) -> Matrix:
     """Return an upper limit of the variance that `of` computes, for any strengths of the processes.
 
-    Let the processes p have the wavelet variances ν_p and the variances f_p at the same strength. At each level, the
-    sum of c_p ν_p is at most the upper confidence limit of the measured variance, so that the sum of c_p f_p is at most
-    this limit times max f_p/ν_p. The smallest of these bounds is the result. A random walk is always one of the
-    processes, because slow noise of unknown correlation time looks like it.
-    """
+    With wavelet variances ν_p and variances f_p, Σ c_p ν_p is at most a level's upper limit, so Σ c_p f_p at most this
+    times max f_p/ν_p; the smallest bound holds. A random walk is always included: slow noise resembles it."""
     seen = wv.variance > 0  # A variance of zero is due to the coarse resolution of the output.
     parts = [p for p in (*map(at_some_strength, processes), RW(gamma2=1.0)) if p.scale > 0]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -44,17 +40,14 @@ def variance_limit(
 
 
 def strength_limit(wv: WaveletVariance, process: Process) -> float:
-    """Return the largest factor of the variance of a process at which its wavelet variance exceeds the upper confidence
-    limit of the measured one at no more than two levels, because two levels can be low by chance."""
+    """Return the largest factor of a process that exceeds measured upper limits at ≤ 2 levels, low by chance."""
     implied = process.wavelet_variance(wv.levels, wv.rate, wv.filter)
     seen = (wv.variance > 0) & (implied > 0)
     return float(np.sort(wv.upper[seen] / implied[seen])[:3].max(initial=0.0)) or float("inf")
 
 
 def allan_limit(wv: WaveletVariance, process_ratio: Vector) -> float:
-    """Return the upper limit of the Allan variance near the minimum of its measured curve: the largest of the upper
-    confidence limits at the lowest level and its neighbours. `process_ratio` is the Allan variance over the wavelet
-    variance of the model at the levels."""
+    """Return the Allan variance's largest upper limit near its minimum; `process_ratio` is that to wavelet variance."""
     high = (process_ratio * wv.upper)[(wv.variance > 0) & np.isfinite(process_ratio)]
     if not high.size:
         return float("inf")
@@ -73,9 +66,7 @@ _KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """Compute the upper limit, in the unit of the entry N or K, from a fit of the model with this term added. It is
-    infinite if the confidence interval is unbounded. Raises DataError if the model with this term cannot be fitted, or
-    has no confidence intervals."""
+    """Compute the upper limit of N or K from a fit with this term; infinite if unbounded, DataError without a fit."""
     kind = _KINDS[entry.symbol]
     try:
         holder = fit if any(isinstance(p, kind) for p in fit.model.processes) else _widened(fit, kind)
@@ -101,16 +92,14 @@ def _widened(fit: Fit, kind: type[Process]) -> Fit:
 
 
 WIDEST_INTERVAL = 10.0
-"""Largest ratio of the ends of an interval. A wider interval is a limit, or the number is not determined. Pinned by
-tests/test_plausible.py."""
+"""Ratio of ends from which an interval is a limit, or undetermined (tests/test_plausible.py)."""
 
 
 def plausible(entry: Entry, rate: float, samples: int, resonance: float | None = None) -> Entry:
-    """Return a number whose interval lies in the range that a recording can show, and is not too wide. A frequency is
-    between 0 and half the sampling rate, a correlation time between one sample and the length of the recording, and the
-    quality factor of a resonance at most its frequency (`resonance`, Hz) times this length. If the ends of an interval
-    then differ by more than a factor of `WIDEST_INTERVAL`, the strength of a noise becomes an upper limit, and a time,
-    a frequency or a quality factor is not determined."""
+    """Return a number with an interval in the range that a recording can show, and not too wide.
+
+    Frequencies are up to half the rate, times from a sample to the length, qualities up to `resonance` (Hz) times the
+    length. Beyond `WIDEST_INTERVAL`, a strength becomes a limit, and others are undetermined."""
     if entry.held or entry.low is None or entry.high is None or entry.upper_only or entry.value <= 0:
         return entry
     duration = samples / rate
@@ -129,10 +118,8 @@ def plausible(entry: Entry, rate: float, samples: int, resonance: float | None =
 
 
 def measurable(entry: Entry, fit: Fit) -> Entry:
-    """Return an upper limit of the strength of a noise that is at most what the measured wavelet variance allows. The
-    limit of a noise is reached where the noise alone reaches the upper confidence limits of the measured variance. N
-    and K of a filter differ from the white noise and the random walk of a model, so their limit stays if it is within a
-    factor of `WIDEST_INTERVAL` of the value. A limit without a bound stays infinite."""
+    """Return an upper limit of a strength that reaches measured upper limits of the variance alone, if above it. N and
+    K of a filter are not those of terms, so limits within `WIDEST_INTERVAL` of the value, and infinity, stay."""
     wv = fit.wavelet_variance.without_lags
     if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
         return entry

@@ -284,8 +284,7 @@ def compare_recordings(fit: Fit) -> Replicates | None:
 
 
 def _single_fit(fit: Fit, curve: WaveletVariance, apart: Deviations, place: int) -> Fit | None:
-    """Return one Gauss-Newton step from the pooled fit to one recording, if long enough. In a new fit, a slow
-    Gauss-Markov term can become fast."""
+    """Return a Gauss-Newton step from the pooled fit; in a new fit, a slow GM term can become fast."""
     if not np.all(np.isfinite(apart.values[place])):
         return None
     wv = curve.first(min(len(curve), len(fit.wavelet_variance)))

@@ -41,14 +41,12 @@ from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.validation import as_seed
 
 CLEAR = 4.0
-"""A model is not equivalent to the best one if its criterion is larger by more than this number of standard errors of
-the difference. The standard error assumes Gaussian wavelet variances, which does not hold at coarse levels. With 2, the
-true model WN + RW is excluded in 10 % of recordings; with 4, it was excluded in none of 40
-(docs/validation/selection.md)."""
+"""A model is not equivalent if its criterion is larger by more than this number of standard errors of the difference,
+which assume Gaussian variances (wrong at coarse levels). 2 excludes the true WN + RW in 10 % of recordings, 4 in none
+of 40 (docs/validation/selection.md)."""
 REJECTED = 0.005
-"""A model is not equivalent to the best one if the p-value of its goodness-of-fit test is below this level, and the
-p-value of the best one is more than `BETTER` times as large. A true model has such a p-value in 5 of 1000 recordings
-(tests/selection/test_decisions.py)."""
+"""A model is not equivalent if its p-value is below this, and that of the best one over `BETTER` times as large. A true
+model has such a p-value in 5 of 1000 recordings (tests/selection/test_decisions.py)."""
 BETTER = 10.0
 """Ratio of p-values; see `REJECTED`."""
 
@@ -319,8 +317,7 @@ def _rank(
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
-    """Return the criterion of each structure, equal if criteria differ by numerical errors, as for ARMA(1,1) and GM +
-    WN."""
+    """Return each structure's criterion, equal up to numerical errors, as for ARMA(1,1) and GM + WN."""
     level: dict[str, float] = {}
     least = -np.inf
     for c in sorted(candidates, key=_score):

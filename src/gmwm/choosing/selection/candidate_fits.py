@@ -23,8 +23,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.model import Model
 
 GRID_STRIDE = 8
-"""Only every EVERY-th point of the grid of correlation times is used. Neighbouring points then differ by 20 % (used in
-docs/validation/selection.md)."""
+"""Stride of the grid of correlation times, so that neighbours differ by 20 % (used in docs/validation/selection.md)."""
 
 Progress = Callable[[int, int], None]
 """Progress callback, which is called with the number of fitted candidates and the number of all candidates."""
@@ -32,9 +31,8 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Explored(FrozenArrays):
-    """Fits of all candidates to one recording. `general` is the fit of the largest model that has at most as many
-    parameters as there are levels. Its Ω (`weights`) and the covariance V of ν̂² (`wavelet`) are used for all
-    candidates. A candidate with terms that are estimated as zero may share the fit of a smaller candidate."""
+    """Fits of all candidates with Ω (`weights`) and V (`wavelet`) of `general`, the largest model with at most as many
+    parameters as levels. With zero terms, a candidate may share a smaller one's fit."""
 
     general: Fit
     weights: Weights
@@ -96,8 +94,7 @@ def _explored_again(explored: Explored, candidates: Sequence[Model], wv: Wavelet
     for model in sorted(fitting, key=lambda model: -len(model.processes)):
         search.add(model)
     search.mend()
-    # If a model has more parameters than the other recordings have levels, the fit of the largest possible model is
-    # used.
+    # If a model has more parameters than the other recordings have levels, the largest possible fit is used.
     return [search.fit(model if freedom(model) <= len(wv) else max(fitting, key=freedom)) for model in candidates]
 
 
@@ -151,8 +148,7 @@ class _Exploration:
         first = np.argmax(containing([solved.structure for _, solved in lowest]), axis=1)
         for (key, solved), place in zip(lowest, first.tolist(), strict=True):
             square, other = solved.problem.unit**2, lowest[place][1]
-            # Two objectives count as equal if their relative difference is below this
-            # (tests/selection/test_nested_objectives.py).
+            # Objectives that count as equal (tests/selection/test_nested_objectives.py).
             if not solved.problem.as_low(solved.solution.objective / square, other.solution.objective / square, 1e-9):
                 self.solved[key] = replace(other, structure=solved.structure)
 
@@ -194,9 +190,8 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> Matrix:
-    """Return curves (n, J) that the general model can add: those without shape, Gauss-Markov processes on a grid of
-    correlation times, and of other processes the estimated shape and its derivatives, because mixtures of grid points
-    describe more curves than one process."""
+    """Return curves (n, J) that the general model can add: those without shape, GM on a grid, and others' estimated
+    shape and its derivatives, because mixtures of grid points describe more curves than one process."""
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.weights)
     rows = [problem.shapes, *_ways(explored.general, problem)]

@@ -1,16 +1,11 @@
 """Test whether a candidate is equivalent to the best model, given the uncertainty of the criterion.
 
-Recordings are simulated from the candidate. The candidate is equivalent if, in more than 5 % of these recordings, its
-criterion exceeds the smallest criterion by at least as much as in the data.
+It is if its criterion exceeds the smallest as much as in the data in over 5 % of recordings simulated from it.
 
-A simulated recording consists only of its wavelet variances. They have a chi-square distribution at each level and the
-covariance V that the candidate implies. The covariance of a larger model would give too much weight to levels with
-small measured variances. The fit of the candidate to a simulated recording is computed by first-order theory.
-
-The rivals in each simulated recording are all models with one more term. To bound all models with several more terms,
-the test uses the best sum of any number of processes, with the penalty of two parameters. The test thus takes into
-account that the smallest of many criteria is chosen.
-"""
+Simulated wavelet variances are chi-square at each level, with the candidate's covariance V: a larger model's would
+weigh low levels too much. Its fit is computed by first-order theory. Rivals are all models with one more term, and, to
+bound several more, the best sum of any processes with the penalty of two parameters. So the test accounts for the
+choice of the smallest of many criteria."""
 
 from __future__ import annotations
 
@@ -36,12 +31,10 @@ from gmwm.fitting.estimation.weighting import Weights, precision
 from gmwm.measuring.covariance import Design
 
 REJECTED_DIFFERENCE = 100.0
-"""A candidate is rejected without another fit, to save time, if its criterion with the common Ω exceeds the smallest
-one by more than this."""
+"""Criterion difference with the common Ω that rejects a candidate without another fit, to save time."""
 
 QUANTILE_DEGREE = 72
-"""Degree of the polynomials that replace chi-square quantiles. Their error is at most 1e-12 of the quantile's mean
-(tests/selection/test_equivalence.py)."""
+"""Degree of polynomials for chi-square quantiles: error ≤ 1e-12 of the mean (tests/selection/test_equivalence.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,8 +70,7 @@ class Hypothesis:
             axes = self.axes if fit is self.fit else axes_of(fit, self.root)
             losses.append(float(residual @ residual - np.sum((axes.T @ residual) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
-        # A candidate is rejected without another fit, to save time, if the p-value of a bound on its loss is below
-        # this.
+        # A bound on the loss below this p-value rejects a candidate without another fit, to save time.
         return bool(scipy.special.gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < 1e-6)
 
     def excess(self, rival: Fit) -> float:
@@ -135,13 +127,11 @@ class Hypothesis:
 
     @cached_property
     def _new(self) -> Matrix:
-        """Parts (n, J) of the unit vectors of the terms to add that are outside the span of the directions of the
-        candidate, without collinear terms."""
-        # A term is collinear if less than this squared norm of its unit vector is outside the span of the directions of
-        # the candidate. The value is √ε of a double.
+        """Parts (n, J) of unit vectors of terms to add outside the candidate's directions, without collinear terms."""
+        # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
         columns = self._columns - (self._columns @ self.axes) @ self.axes.T
-        return columns[np.sum(columns**2, axis=1) > spare]
+        return np.asarray(columns[np.sum(columns**2, axis=1) > spare])
 
     @cached_property
     def _penalties(self) -> Vector:
@@ -159,8 +149,7 @@ class Hypothesis:
         return np.asarray(net.max(axis=1, initial=0.0))
 
     def often_exceeds(self, difference: float, records: Integers, more: float) -> bool:
-        """Return whether an upper bound for the decrease of the criterion by two or more parameters is at least
-        `difference` in more than `more` simulated recordings."""
+        """Return whether a bound on the criterion's fall by two parameters is ≥ `difference` in over `more` draws."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns, [part / np.linalg.norm(part) for part in parts]])
         data = self.fit.implied @ self.root.T + self.errors[records]
@@ -168,8 +157,7 @@ class Hypothesis:
         while 0 <= more < limits.size:
             weights, best = _core.nonnegative_least_squares(data[0], columns)
             more -= best <= limits[0]
-            # No curve has a positive product with this residual, so the distance of other data from the best sum is at
-            # least their product with it.
+            # No curve has a positive product with this residual, so its product with other data bounds their distance.
             residual = data[0] - weights @ columns
             open_ones = np.maximum(data @ residual, 0.0) ** 2 <= limits * (residual @ residual)
             open_ones[0] = False
@@ -180,8 +168,7 @@ class Hypothesis:
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
     """Return whether a candidate is equivalent to a rival with a smaller criterion, by a test of level `size`."""
     hypothesis = Hypothesis.of(explored, fit, draws, seed)
-    # A rejected candidate is fitted and tested once more, with weights from its last fit; see
-    # docs/validation/selection.md.
+    # A rejected candidate is tested again with weights of its last fit; see docs/validation/selection.md.
     for closer in range(2):
         if closer and hypothesis is not None:
             hypothesis = hypothesis.closer()
@@ -193,8 +180,7 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
-    """Return whether more than the share `size` of the simulated recordings has as large a difference to the smallest
-    criterion."""
+    """Return whether over `size` of the simulated recordings differ as much from the smallest criterion."""
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
@@ -222,16 +208,21 @@ def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matri
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
-    """Return χ²_η/η quantiles (B, J) at probabilities of normal scores, analytic and so by Chebyshev polynomials of
-    degree `QUANTILE_DEGREE`."""
+    """Return χ²_η/η quantiles (B, J) of normal scores, by Chebyshev polynomials of degree `QUANTILE_DEGREE`."""
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
-    angle = (np.arange(QUANTILE_DEGREE + 1) + 0.5) * np.pi / (QUANTILE_DEGREE + 1)
-    values = scipy.special.chdtri(freedom, scipy.special.ndtr(-reach * np.cos(angle[:, None]))) / freedom
-    terms = 2 / (QUANTILE_DEGREE + 1) * np.cos(np.outer(np.arange(QUANTILE_DEGREE + 1), angle)) @ values
-    terms[0] /= 2
-    return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))
+    out = np.empty_like(scores)
+    # With many degrees of freedom, quantiles are nearly linear.
+    for degree, levels in ((QUANTILE_DEGREE, freedom < 20), (QUANTILE_DEGREE // 3, freedom >= 20)):
+        number = np.arange(degree + 1)
+        angle = (number + 0.5) * np.pi / (degree + 1)
+        at = scipy.special.ndtr(-reach * np.cos(angle[:, None]))
+        values = scipy.special.chdtri(freedom[levels], at) / freedom[levels]
+        terms = 2 / (degree + 1) * np.cos(np.outer(number, angle)) @ values
+        terms[0] /= 2
+        out[:, levels] = np.polynomial.chebyshev.chebval(scores[:, levels] / reach, terms, tensor=False)
+    return out
 
 
 def factor_of(wavelet: Matrix) -> Matrix:
@@ -259,8 +250,7 @@ def compare(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison
 
 
 def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix) -> float:
-    """Compute the standard error of the difference of the losses of two fits, with Ω and V of the ranking; see
-    `compare`."""
+    """Compute the standard error of the difference of two fits' losses, with Ω and V of the ranking; see `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
     axes = [axes_of(fit, root) for fit in (first, second)]

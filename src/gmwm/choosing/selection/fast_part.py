@@ -35,13 +35,10 @@ FELT = 0.003
 """Smallest share of the wavelet variance at some level with which a peak is measured. For comparison, the relative
 standard error at the first levels is 0.2 % for 10^6 samples (tests/selection/test_peaks.py)."""
 UNSEEN_DISTANCE = 1.0
-"""Peaks are left out if together they change the wavelet variance by at most this distance in standard errors, after
-the powers of the other peaks are fitted. No parameter then changes by more than one standard error
-(tests/selection/test_peaks.py)."""
+"""Distance (standard errors) by which peaks left out may change the variance (tests/selection/test_peaks.py)."""
 MOST_OSCILLATORS = 8  # Largest number of oscillators. More bumps are those of a comb filter, which belong to the shape.
 NARROW = 0.002
-"""A bump that is narrower than this, relative to the sampling rate, cannot be a part of an ARMA process. The value is
-half the width of the narrowest peak that these can have; see `gmwm.spectrum.short_memory.POLE`."""
+"""Width over rate below which a bump is no part of an ARMA process, half its narrowest; see `short_memory.POLE`."""
 
 
 class _Peak(NamedTuple):
@@ -62,13 +59,10 @@ def narrow_bumps(spectrum: PowerSpectrum) -> list[Bump]:
 
 
 def peak_terms(spectrum: PowerSpectrum, wv: WaveletVariance, bumps: Sequence[Bump]) -> tuple[Process, ...]:
-    """Return sinusoids for the lines and oscillators for these bumps that change the wavelet variance, the strongest
-    first. A line with a width is an oscillator.
+    """Return sinusoids for lines and oscillators for bumps (and wide lines) that change the variance, strongest first.
 
-    Their frequency and quality are fixed, and so is the power of most. The power is fitted of the strongest of each
-    kind, and of those that the wavelet variance determines well. A peak near a stronger one of similar frequency
-    changes the curve little: its power is added to the stronger one.
-    """
+    Frequency, quality and most powers are fixed. Fitted are the strongest of each kind and well determined ones; a peak
+    near a stronger one changes the curve little, so its power is added to it."""
     peaks = sorted(_visible(spectrum, wv, bumps), key=lambda peak: -peak.share.max())
     scatter = np.diag(2 / wv.degrees_of_freedom)
     for process, share in peaks:
@@ -136,25 +130,20 @@ def _with_power(process: Process, factor: float | None) -> Process:
 
 
 SAMPLED = (0.4427, 0.1542, 0.0500, 0.0154, 0.0046, 0.0013)
-"""Relative difference between the Haar wavelet variances of discrete and of continuous flicker noise, from level 1 on.
-Discrete flicker noise is fractionally integrated white noise of order 1/2 (Kasdin 1995), with the spectral density
-π/sin(πf) per sample instead of 1/f. Continuous flicker noise is averaged over each sampling interval
-(tests/selection/test_shape_error.py)."""
+"""Relative difference of Haar variances of discrete flicker noise (white noise integrated by 1/2, Kasdin 1995, density
+π/sin(πf)) and of averaged 1/f noise, from level 1 on (tests/selection/test_shape_error.py)."""
 
 FLICKER_SPREAD = 0.75
-"""Standard deviation of the unknown difference of the sampled noise from continuous flicker noise, relative to
-`SAMPLED`. The difference is 0 for noise that is averaged over each sampling interval, 0.45 for a density of 1/f up to
-half the sampling rate, and 1 for discrete flicker noise."""
+"""Standard deviation of sampled from continuous flicker noise, relative to `SAMPLED`: 0 if averaged over intervals,
+0.45 for 1/f up to half the rate, 1 for discrete flicker noise."""
 BAND = ("f_b", "f_r", "Q_r")  # symbols of the physical parameters of a shape that do not depend on its scale
 SELECTION_FACTOR = 2.0
-"""Factor by which the covariance of a shape is increased, because the order of the shape was selected with the same
-spectrum. With a factor of 1.5, 95 % intervals of N contain the true value in 89 % of recordings with an FIR filter
-(docs/validation/sensors.md)."""
+"""Factor of a shape's covariance, as the same spectrum selected its order. With 1.5, 95 % intervals of N cover in 89 %
+of recordings with an FIR filter (docs/validation/sensors.md)."""
 
 FILTER_TIME_SAMPLES = 3.0
-"""A Gauss-Markov term with a correlation time up to this value (samples) is assumed to describe the low-pass filter of
-the sensor. Because a filter does not have exactly this form, N is then wrong by 0.5 % although the test accepts the
-model (docs/validation/sensors.md)."""
+"""Correlation time (samples) up to which GM describes the sensor's low-pass filter; its other form makes N 0.5 % wrong
+although tests accept it (docs/validation/sensors.md)."""
 
 
 def process_of(shape: SpectralShape | Alternative) -> Process:
@@ -176,10 +165,8 @@ def acts_as_filter(process: Process, fit: Fit) -> bool:
 
 
 def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, process: Process) -> WaveletVariance:
-    """Add the uncertainty of a shape to the covariance of a wavelet variance. It consists of the covariance of the
-    coefficients and the differences to other ARMA orders that describe the spectrum equally well. The density at
-    frequency 0 is held constant, because the fit estimates it. `fit` is a fit with the term `process`, from which the
-    share of the shape at each level is taken."""
+    """Add a shape's uncertainty to the covariance: that of coefficients, and differences of other good ARMA orders, at
+    constant density at 0, which the fit estimates. `fit` gives the share of `process` by level."""
     if not shape.covariance.size:
         return wv
     nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
@@ -203,11 +190,8 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
 
 
 def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process]) -> WaveletVariance:
-    """Add the uncertainty of the frequency and the quality of oscillators to the covariance of a wavelet variance.
-
-    For a Lorentz peak with the damping a = πf₀/Q over a duration T, Whittle's likelihood gives the variances a/T of the
-    angular frequency and 1/aT of ln a. `fit` is a fit with the terms, from which their share at each level is taken.
-    """
+    """Add the uncertainty of oscillators' frequency and quality to the covariance, with shares of `fit` by level. A
+    Lorentz peak with damping a = πf₀/Q over T has the variances a/T of ω and 1/aT of ln a (Whittle's likelihood)."""
     duration = float(wv.samples) / wv.rate
     for process in terms:
         if not isinstance(process, OSC):
@@ -234,8 +218,7 @@ def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process
 
 
 def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
-    """Return the relative standard errors of f_b, f_r and Q_r by the delta method, with other ARMA orders that fit
-    equally well."""
+    """Return relative standard errors of f_b, f_r and Q_r (delta method), with other good ARMA orders."""
     values = np.concatenate([shape.phi, shape.theta])
     if not values.size:
         return {}
@@ -267,9 +250,8 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 
 
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
-    """Add the uncertainty of flicker noise near half the sampling rate, which is modelled as an average over each
-    interval. Flicker of the output stage, or aliased noise, has more power there, which a fit would attribute to white
-    noise."""
+    """Add the uncertainty of flicker noise near half the rate, modelled as interval averages. Flicker of output stages,
+    or aliased noise, has more power there, which a fit would attribute to white noise."""
     flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv
@@ -288,15 +270,11 @@ BESIDE = "4*GM + FN + RW + DR"
 FEWEST = 24
 """Smallest number of frequencies to which a shape at high frequencies is fitted. With fewer, no shape is fitted."""
 MIXED = 0.5
-"""The shape at high frequencies is fitted above the first frequency at which slow noise is at most this share of the
-spectral density."""
+"""Share of slow noise in the density up to which frequencies count for the shape."""
 FAST = 20.0
-"""A Gauss-Markov term with a correlation time up to this value (samples) counts as noise at high frequencies. With this
-value, the corner frequency of its spectral density is 1/126 of the sampling rate. The shape is fitted to the density
-above this frequency."""
+"""Correlation time (samples) up to which GM is fast noise; above its corner, 1/126 of the rate, the shape is fitted."""
 MEMORY = 2000.0
-"""An AR(2) process with a longer correlation time (samples) describes a spectral line, not a shape at high
-frequencies."""
+"""Correlation time (samples) from which an AR(2) describes a spectral line, not a shape."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -314,8 +292,7 @@ def fast_parts(
     general: Fit, wv: WaveletVariance, spectrum: PowerSpectrum, peaks: tuple[Process, ...], *, order: int,
     check: Callable[[], None],
 ) -> Iterator[FastPart]:  # fmt: skip
-    """Yield the peaks with each shape of at most this `order` that the spectrum shows beside the slow terms of a fit,
-    the one with the fewest coefficients first, and the best one last."""
+    """Yield the peaks with each visible shape up to `order` beside slow terms, fewest coefficients first, best last."""
     check()
     best = _shape(spectrum, general, wv.rate, before=None, order=order)
     if best is not None:  # the slow terms that the shape was fitted beside did not know the shape
@@ -337,8 +314,7 @@ def fast_parts(
 
 
 def autoregression(wv: WaveletVariance, options: RankingOptions) -> FastPart:
-    """Return the shape without a spectrum: an AR(2) with fixed coefficients, fitted to the wavelet variance beside slow
-    noise; no term if it is no shape at high frequencies."""
+    """Return the shape without a spectrum, an AR(2) fitted beside slow noise; no term if it is no fast shape."""
     none = FastPart(wavelet_variance=wv, terms=())
     try:
         fit = nearly_fitted(Model.parse("AR(2) + 2*GM + QN + RW"), wv, options.weighting)
@@ -367,8 +343,7 @@ def _shape(
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0) & (oscillators <= 0.15 * density)
     peaks: list[Line | Bump] = [*spectrum.lines, *narrow_bumps(spectrum)]
     for peak in peaks:
-        # Frequencies within this distance from a line, in units of the frequency resolution, are not used for the shape
-        # (tests/selection/test_search.py).
+        # Frequencies near a line, in resolutions, are not used for the shape (tests/selection/test_search.py).
         used &= np.abs(frequencies - peak.frequency) > max(8 * spectrum.resolution, 4 * peak.width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False

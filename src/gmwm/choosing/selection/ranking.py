@@ -59,8 +59,7 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "sensor": "one form of slow noise for the axes of the sensor",
 }
 REJECTED = 0.002
-"""The search continues if the p-value of the goodness-of-fit test is below this level. A true model has such a p-value
-in 2 of 1000 recordings."""
+"""p-value of the test below which the search continues, as in 2 of 1000 recordings of a true model."""
 EXIT_TEXTS: Mapping[Exit, str] = {
     "accepted": "{model}{p} is kept: the search goes on only below p = {level}.",
     "all-rejected": "None of its models reaches p = {level}{p}, so they were not compared.",
@@ -75,31 +74,14 @@ EXIT_TEXTS: Mapping[Exit, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SearchStep(Documented):
-    """One step of the search for a model: a family of models, and why it was entered and left.
+    """One step of the search for a model: a `family` (all models of some of its terms), why it was `entered` and
+    `left`.
 
-    Attributes
-    ----------
-    family : str
-        The largest model of the family. All models made of some of its terms belong to the family.
-    entered : str
-        Why the family was tried: "within" and "model" (given by the user), "slow" (the first family of a search),
-        "lines", "shape" or "filter" (terms from the spectrum), "nothing-shown", "without-absent-lines", "oscillation"
-        (fitted to the wavelet variance), or "sensor" (the form that the axes of the sensor share).
-    bound : float or None
-        Upper bound of the p-value of the goodness-of-fit test of any model of the family.
-    recommended : str or None
-        The recommended model of the family; None if the models were not compared.
-    pvalue : float or None
-        p-value of the goodness-of-fit test of this model; None if there is no test.
-    model_error : float
-        Relative model error that is included in the comparison.
-    left : str
-        Why the search went on or ended: "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", or
-        "model-error" (all rejected, so the result includes a model error), "last" (rejected, but there is no further
-        family), or "shared" (the axes of the sensor share the form of the model).
-    used : bool
-        Whether the result of the search is from this family.
-    """
+    `entered`: "within", "model" (user), "slow" (first), "lines", "shape", "filter" (spectrum), "nothing-shown",
+    "without-absent-lines", "oscillation" (wavelet variance), "sensor" (form shared by axes). `left`: "accepted",
+    "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error" (included, as all are rejected),
+    "last", "shared". `bound` limits p-values in the family; `pvalue` is that of `recommended`, None without comparison.
+    `used`: the result is from here."""
 
     family: str
     entered: Entry
@@ -271,8 +253,7 @@ class Ranking(Plotted, Tabular):
         """Return a candidate as text. Fixed values are left out of a long text if no other candidate has the same
         terms."""
         text, short = candidate.structure, candidate.model.structure
-        # If the text of a model has more characters than this, it is shown without fixed values, because the
-        # coefficients of a filter would fill a page.
+        # Longer texts are shown without fixed values, because a filter's coefficients would fill a page.
         return short if len(text) > 60 and self._terms[short] == 1 else text
 
     @cached_property
@@ -342,6 +323,12 @@ class Ranking(Plotted, Tabular):
             rows.append([mark, round_fixed(self.label(c)).replace(" ", ""), *numbers, p, ends])
         return head, rows
 
+    def difference_text(self, candidate: Candidate) -> str:
+        """Format the excess of the criterion of `candidate` over the smallest one, with its standard error."""
+        alone = candidate is self.best or candidate.out_of_sample is not None
+        error = 0.0 if alone else self.compare(candidate.model, self.best.model).error
+        return f"{_short(candidate.difference)}{f' ± {_short(error)}' if error else ''}"
+
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the recommended model, the equivalent models, and the limits of the recommendation."""
@@ -353,7 +340,8 @@ class Ranking(Plotted, Tabular):
         if others := tuple(self.label(c) for c in self.equivalent if not c.recommended):
             yield Remark.of("recommended", axis, case="equal", models=others)
         if chosen is not self.best and not self.best.equivalent:
-            yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best))
+            difference = self.difference_text(chosen)
+            yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best), difference=difference)
         if chosen.pvalue is not None and chosen.pvalue < REJECTED_PVALUE:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
@@ -373,7 +361,6 @@ class Ranking(Plotted, Tabular):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = equivalent to the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
-        # Largest number of characters in a line of the remarks.
         return "\n".join([*lines, *(part for text in remarks for part in wrap(text, 80, subsequent_indent="  "))])
 
     def _repr_html_(self) -> str:
@@ -481,6 +468,5 @@ class RankingOptions:
         one_of(self.weighting, "weighting", ("optimal", "diagonal"))
         one_of(self.criterion, "criterion", ("asymptotic", "bootstrap"))
         as_confidence(self.confidence)
-        # Smallest number of simulated recordings that is allowed.
         as_whole_number(self.draws, "draws", 100)
         as_whole_number(self.seed, "seed", 0)

@@ -1,14 +1,10 @@
 """Search for the noise model of one axis: first among slow processes, then with terms that the spectrum shows.
 
-1. All models within the family `SLOW` are ranked. If the goodness-of-fit test accepts the recommended model, the search
-ends, unless a Gauss-Markov term is so fast that it may describe a filter in the sensor. 2. Otherwise, lines of the
-spectrum become sinusoids of known frequency, and wide peaks damped oscillators; see `peaks`. 3. If the test rejects all
-of these models, an ARMA process of low order with known coefficients describes the filter of the sensor; see
-`fast_part`. If the largest model then misses the curve by more than `STATED_MISFIT`, the ARMA process has a higher
-order, and describes the wide peaks too. All terms are linear in their unknown scales, so the global optimum of every
-fit can still be proved. Without a spectrum, an AR(2) process is fitted to the wavelet variance. 4. If the test still
-rejects all models, a slow oscillation that the spectrum does not resolve is looked for in the wavelet variance.
-"""
+1. All models within `SLOW` are ranked, and accepted if the goodness-of-fit test does, unless a GM term is so fast that
+it may be a filter. 2. Lines become sinusoids, wide peaks oscillators (`peaks`). 3. If all are rejected, an ARMA process
+with known coefficients describes the sensor's filter (`fast_part`), of higher order, with the wide peaks, if the
+largest model misses the curve by over `STATED_MISFIT`. All terms stay linear in their scales, so optima are proved.
+Without a spectrum, it is an AR(2) of the wavelet variance. 4. Last, an unresolved slow oscillation is sought there."""
 
 from __future__ import annotations
 
@@ -49,19 +45,15 @@ SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
 for a fit. Accurate curves need it, because the grid is coarse (tests/selection/test_search.py)."""
 STATED_MISFIT = 0.0075
-"""Largest relative model error with which a shape of low order is used. A shape of a high order is tried beyond it. An
-error of 0.75 % of the wavelet variance is 0.4 % of N (tests/selection/test_search.py)."""
+"""Relative model error up to which a shape of low order is used, 0.4 % of N (tests/selection/test_search.py)."""
 LOW_ORDER = 2
-"""Largest orders p and q of a shape that is tried first: a low-pass filter of two poles, or an average of three
-samples."""
+"""Largest first orders p and q of a shape: a low-pass filter of two poles, or an average of three samples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
-    """The models that were fitted to one axis, and the choice among them. `ranking` has the models that were compared
-    last. The covariance of `wavelet_variance` includes the uncertainty of the shape at high frequencies, but not the
-    relative model error `error`. `tried` are the general models, and `band` the relative standard errors of f_b, f_r
-    and Q_r of a shape from the spectrum."""
+    """The models fitted to one axis, and the choice. `ranking` was compared last; `wavelet_variance` includes the
+    shape's uncertainty but not the relative `error` of the model; `band` are relative errors of f_b, f_r, Q_r."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
@@ -93,8 +85,7 @@ def search(
 
 
 def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Callable[[], None]) -> ModelChoice | None:
-    """Return the choice with a damped oscillator that is fitted to the wavelet variance, beside the terms that the
-    spectrum shows; None if the test rejects it too."""
+    """Return the choice with a damped oscillator fitted beside the spectrum's terms; None if the test rejects it."""
     wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
     required = [
         term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and _is_held(term)
@@ -122,9 +113,8 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
 
 
 def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> bool:
-    """Return whether one oscillator of a grid, up to the frequency `fastest` (Hz), may explain the wavelet variance
-    beside any sum of smooth and required processes. Weights are those of a fit. A fit of an oscillator to a curve
-    without one takes a hundred times longer."""
+    """Return whether an oscillator of a grid (up to `fastest`, Hz) may explain the variance beside smooth and required
+    processes; fits to curves without one take a hundred times longer."""
     used = usable_levels(wv)
     design = Design.of(wv).only(used)
     try:
@@ -236,9 +226,8 @@ def _with_shape(
     peaks: _SlowWithPeaks, spectrum: PowerSpectrum, options: RankingOptions, *, order: int, check: Callable[[], None],
     entered: Entry = "shape",
 ) -> ModelChoice | SearchStep | None:  # fmt: skip
-    """Return the choice with the peaks and the shape of fewest coefficients, up to this order, that the test accepts,
-    or that misses the curve by at most `STATED_MISFIT`. If no shape of low order does, return the step that says so;
-    None if the spectrum shows nothing."""
+    """Return the choice with the peaks and the shape of fewest coefficients, up to `order`, that is accepted or misses
+    the curve by at most `STATED_MISFIT`; else the step that says so, or None if the spectrum shows nothing."""
 
     def ranked(part: fast_part.FastPart, judged: _JudgedFamily) -> ModelChoice:
         choice = within_family(
@@ -247,8 +236,7 @@ def _with_shape(
         )  # fmt: skip
         return replace(_after_slow(choice), band=part.band)
 
-    # A p-value of the largest model below which larger shapes are tried first, to save rankings; and the smallest error
-    # of a model that is not accepted although its family is.
+    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model.
     close, least_error = 0.05, 0.001
     simplest, last = None, None
     for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
@@ -283,9 +271,8 @@ def _with_shape(
 
 
 def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions) -> tuple[Fit, float]:
-    """Return the fit of the family of slow processes, and the upper bound of its p-value. A line that dominates the
-    wavelet variance, as of a dither motion, leaves no noise at some levels; it is then fitted too, and the bound is 0.
-    """
+    """Return the fit of slow processes, and its p-value's bound. A dominant line (dither) leaves levels without noise;
+    it is then fitted too, with bound 0."""
     try:
         general = nearly_fitted(largest_within(SLOW, wv), wv, options.weighting)
         return general, Distance.of(general).surely

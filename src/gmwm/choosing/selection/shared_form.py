@@ -19,22 +19,17 @@ SPARE = 1.0
 """Largest increase of the criterion with which an axis accepts a model. A parameter that the axis does not need costs 2
 in the mean, so few axes get one (tests/selection/test_shared_form.py)."""
 ONE_TERM = 2
-"""Largest number of parameters that an axis gets in addition, those of one Gauss-Markov term
-(tests/selection/test_shared_form.py)."""
+"""Additional parameters of an axis, those of one GM term (tests/selection/test_shared_form.py)."""
 GROSS = 5.0
-"""Ratio of a fitted to a measured wavelet variance that the new model of an axis may exceed at no level, unless the old
-model does (tests/selection/test_shared_form.py)."""
+"""Ratio to measured variances that a new model exceeds only if the old does (tests/selection/test_shared_form.py)."""
 
 
 def with_shared_form(choices: Mapping[str, ModelChoice]) -> dict[str, ModelChoice]:
-    """Return the choices of all axes, with one form of model for most axes of each sensor.
+    """Return all choices, with one form of model for most axes of each sensor, of fewest parameters.
 
-    An axis accepts a model whose criterion exceeds that of its recommended model by at most `SPARE`, and which has at
-    most one term more, if the goodness-of-fit test does not reject it. A stationary model does not replace one with a
-    random walk or flicker noise. A form replaces the recommended models of the axes that accept it if they are most
-    axes of the sensor, if their criteria together do not increase, and if the axes of the sensor then have fewer
-    different forms. The form with the fewest parameters is used.
-    """
+    An axis accepts a model within `SPARE` of its criterion, with at most one more term, that the test does not reject
+    and, for walks or flicker, is not stationary. The form must suit most axes, not increase their joint criterion, and
+    leave fewer forms."""
     shared = dict(choices)
     for sensor, of_sensor in by_sensor(choices).items():
         if sensor:

@@ -23,8 +23,7 @@ from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.sinusoid import SIN
 
 LEAST_DRIFT_SHARE = 0.1
-"""If a drift is less than this share of the wavelet variance at the longest scale, the segments of a recording cannot
-show it (tests/selection/test_decisions.py)."""
+"""Share at the longest scale below which segments cannot show a drift (tests/selection/test_decisions.py)."""
 
 
 def without_values(model: Model) -> Model:
@@ -46,8 +45,7 @@ def _name(process: Process) -> str:
 
 
 def without_drift(general: Model, recordings: Sequence[WaveletVariance]) -> Model:
-    """Return the model without drifts unless recordings with their gaps show one: inside short segments, a slow random
-    process looks like a drift, but a drift would change the signal far more over all gaps."""
+    """Return the model without drifts unless gaps show one: slow noise resembles it in short segments only."""
     if any(wv.rise is None or _is_felt(wv.rise, wv) for wv in recordings):
         return general
     others = tuple(p for p in general.processes if not isinstance(p, DR))
@@ -61,10 +59,7 @@ def _is_felt(rise: float, wv: WaveletVariance) -> bool:
 
 
 def nested_models(general: Model) -> list[Model]:
-    """Return all models that contain some of the terms of a general model, the largest first.
-
-    Processes whose values are all fixed are in every model. A process with an order, such as AR(2), also occurs with
-    every lower order. Raises ModelError if no parameter is free, or if there are too many models.
+    """Return all models of some terms of a general model, largest first, with fixed terms, and lower orders too.
 
     >>> from gmwm import Model
     >>> [model.structure for model in nested_models(Model.parse("2*GM + WN"))]
@@ -72,8 +67,7 @@ def nested_models(general: Model) -> list[Model]:
     >>> [model.structure for model in nested_models(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
     """
-    # Largest number of candidates; `select` raises an error for a general model with more
-    # (tests/selection/test_ranking.py).
+    # Most candidates for which `select` does not raise an error (tests/selection/test_ranking.py).
     most_candidates = 5000
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]

@@ -1,8 +1,6 @@
-"""Determine the clock of a recording, its sampling rate, segments and irregularities, from all time stamps.
+"""Clock of a recording, from all time stamps: sampling rate, segments and irregularities.
 
-The time stamps come in chunks of any size. They are analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after
-it, so the result is the same for a file in memory and for a file larger than memory.
-"""
+Blocks of 2²⁰ rows, with 2¹⁶ rows before and after, give the same result for files in memory and larger ones."""
 
 from __future__ import annotations
 
@@ -46,8 +44,7 @@ _REGULAR, _REGULAR_SHARE, _EVEN = 5, 0.01, 0.1
 
 @dataclass(frozen=True)
 class _StampBlock:
-    """Results for the time stamps of one block, in ticks from the first time stamp; they increase where the clock was
-    set back."""
+    """Time stamps of one block, in ticks from the first; they increase where the clock was set back."""
 
     rows: int  # number of rows
     found: SampleLosses  # sampling interval, and gaps by the number of the row in the recording
@@ -74,12 +71,11 @@ class _StampBlock:
 
 
 def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> tuple[Timing, Remark | None]:
-    """Return the rate, segments and irregularities of a recording, and a remark if the unit of time is inferred or
-    unusually long. `find_losses` determines the sampling interval and the lost samples. A declared rate is used if it
-    agrees with the time stamps within 1 %. The time stamps then only determine where the gaps are. The remark on the
-    difference is a warning if two conditions are met: it is more than 0.1 %, and over the longest segment it adds up to
-    more than one sampling interval and three times the jitter. The start times of the segments differ by whole sampling
-    intervals, except where the clock was set back. `unit` is "" to infer it; `rate` is the declared rate (Hz)."""
+    """Return rate, segments and irregularities, and a remark if the unit of time is inferred or unusually long.
+
+    A declared rate within 1 % of the time stamps is used; they then only determine gaps. The difference is a warning if
+    it exceeds 0.1 %, and over the longest segment one interval and three times the jitter. Start times of segments
+    differ by whole intervals, except where the clock was set back."""
     blocks: list[_StampBlock] = []
     first, remark, row = None, None, 0
     for window, begin, end in _windows(chunks):
@@ -102,8 +98,7 @@ def clock_of(chunks: Iterable[NDArray[Any]], unit: str, rate: float | None) -> t
 def rows_between(
     values: NDArray[Any], unit: str, rate: float | None, *, begin: float, end: float
 ) -> tuple[slice, float]:
-    """Return the rows between two times (s) from the first time stamp, and the time of the first of these rows. The
-    clock is not known yet, so the time of a row is its time stamp."""
+    """Return the rows between two times (s) from the first time stamp, and the first row's stamp: no clock yet."""
     unit = unit or calendar_unit(values) or as_stamps(values, unit, rate)[0].unit
     window = _StampWindow.of(values, values[0].item(), unit)
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)

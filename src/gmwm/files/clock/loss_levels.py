@@ -1,6 +1,4 @@
-"""Estimate the number of samples lost before each row. This level is a whole number, and is estimated from noisy
-values, which `gmwm.files.clock.sampling_interval` defines.
-"""
+"""Estimate the whole number of samples lost before each row from noisy values of `sampling_interval`."""
 
 from __future__ import annotations
 
@@ -62,8 +60,7 @@ def least_ahead(v: Vector, width: int) -> Vector:
 
 
 def _best_path(x: Vector, guess: Rows) -> Rows:
-    """Return the path of levels with the lowest cost: squared distance from x, and a fixed cost for each rise. Levels
-    are searched near doubtful rows, in parts that are processed side by side."""
+    """Return the levels of least squared distance from x plus a cost for each rise, searched near doubtful rows."""
     away, n = x - guess, x.size
     sigma = float(np.clip(1.4826 * np.median(np.abs(away)), 0.03, 0.3))
     share = np.count_nonzero(np.diff(guess) > 0) / n
@@ -158,9 +155,8 @@ def row_levels(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
 
 
 def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
-    """Return the path from the first to the last level with the lowest cost. `costs` (M, n) has the cost of each row at
-    each level, and `price` (n,) the cost of a rise before each row. Each step of the path is the first row after a
-    rise, and the indices of the levels before and after it."""
+    """Return the cheapest path of levels: the first row after each rise, and the levels around it, for `costs` (M, n)
+    by level and row, and `price` (n,) of a rise."""
     total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
     values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]
     index = np.arange(total.shape[1])

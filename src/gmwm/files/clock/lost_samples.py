@@ -1,9 +1,7 @@
 """Find rows of a file without a usable sample, because of missing values, unreadable lines, or other messages.
 
-A row with a time stamp and no value in any axis belongs to another message, and is left out: time stamps show a gap.
-A row without a time stamp, in a recording that has them, is left out too, and the recording is split there. Any other
-row without a finite value in each axis is a lost sample at a known place, and a gap. `MISSING` and NaN mark values.
-"""
+Rows with a time stamp only are other messages, left out: stamps show gaps. Rows without one are left out too, and split
+the recording. Others without a finite value in each axis (`MISSING`, NaN) are lost samples, and gaps."""
 
 from __future__ import annotations
 
@@ -47,8 +45,7 @@ class Sifted:
     rows: Rows  # the rows that the clock counts
     # mask of the rows without a value in at least one axis; None if there is no such row
     lost: NDArray[np.bool_] | None = None
-    # Mask of the rows before which the recording is split, for example because a row without a time stamp was left out
-    # there; None if there is no such row. The last entry is for the next row after these
+    # mask of rows before which the recording is split, or None; the last entry is for the next row after these
     cut: NDArray[np.bool_] | None = None
     # number of rows that were left out because they have no time stamp, and because they have no value in any axis
     unplaced: int = 0
@@ -132,8 +129,7 @@ def as_floats(column: NDArray[np.generic]) -> Vector:
 
 
 def about_lost(base: TimeBase, impossible: int, lacking: Mapping[str, int]) -> Iterator[Remark]:
-    """Yield the remarks on lost samples. `impossible` of them are lost because no sensor can measure their values;
-    `lacking` is the number of the others in which each axis has no value."""
+    """Yield remarks on lost samples: `impossible` for any sensor, or without a value of an axis (`lacking`)."""
     if base.lost > impossible:
         count = base.lost - impossible
         axes = tuple(axis for axis, rows in lacking.items() if 2 * rows > count)
@@ -161,9 +157,8 @@ def whole_numbers(column: NDArray[np.generic]) -> NDArray[np.int64]:
 def gaps_of(
     pairs: Sequence[tuple[int, int]], samples: Sequence[int], stamped: Sequence[tuple[int, float]], rate: float
 ) -> tuple[tuple[int, float], ...]:
-    """Return the gaps of a recording with lost samples: index of the first sample after each gap, and its duration (s).
-    `pairs` are the rows of the samples before and after each gap, `samples` the index of the sample after it, and
-    `stamped` the gaps in the time stamps: the row after each, and the time between the two rows."""
+    """Return gaps by first sample after them and duration (s), from the `pairs` of rows around them, the `samples`
+    after them, and the gaps of time stamps (`stamped`: row after, time between)."""
     gaps, stamp_gaps = [], deque(stamped)
     for (before, after), sample in zip(pairs, samples, strict=True):
         inside = []

@@ -85,14 +85,9 @@ def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
 def rate_change(ticks: Vector) -> Change | None:
     """Find the first lasting change of the sampling interval by more than 5 %; None if there is none.
 
-    Blocks of at least 64 intervals are compared, three on either side. The median interval of a block does not depend
-    on gaps, and the mean does not depend on jitter and rounding. Both must change by about the same factor, and all
-    blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
-    the mean must change by 20 %, with eight blocks on either side.
-
-    >>> rate_change(np.cumsum(np.repeat([1.0, 2.0], 500)))
-    Change(index=499, before=1.0, after=2.0)
-    """
+    Three blocks of at least 64 intervals on either side are compared by medians, which gaps do not affect, and means,
+    which jitter and rounding do not. Both must change alike, and all blocks of a side must be beyond the other. In
+    bursts, the median has no meaning, and the mean of eight blocks must change by 20 %."""
     steps = np.diff(ticks)
     burst = _burst(steps)
     width, factor = (
@@ -146,8 +141,7 @@ class _Sides:
 
 
 def _burst(steps: Vector) -> int:
-    """Return the number of samples in a burst; 1 if the median interval is the interval of uniform sampling. Samples
-    come in bursts if more than 5 % of the intervals are longer than 4 medians, because gaps are rarer."""
+    """Return the samples of a burst; 1 unless over 5 % of the intervals exceed 4 medians (gaps are rarer)."""
     forward = steps[steps >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
     long = int(np.count_nonzero(forward > 4 * single))

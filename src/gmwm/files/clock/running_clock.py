@@ -125,9 +125,8 @@ class IntervalCounts:
 
 
 class RunningClock:
-    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows. A
-    long interval is a gap if the time stamps after it stay late. This needs some later rows, so the segments of the
-    last rows of a block are determined with the next block."""
+    """Find gaps in a live stream's time stamps, with the interval of the first rows. Stamps after a gap stay late.
+    Later rows show this, so a block's last segments follow with the next block."""
 
     def __init__(self, pace: Pace) -> None:
         self.pace = pace

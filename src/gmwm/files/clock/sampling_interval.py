@@ -1,12 +1,9 @@
 """Find the sampling interval and the lost samples of a recording from its time stamps.
 
-The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k, with L_k samples lost so far and a delay d_k: jitter,
-rounding, or time in a buffer. So r_k = t_k / T - k = L_k + drift + d_k / T. A lost sample increases r permanently, a
-delay for a while. Modulo 1, r does not depend on losses: its phase gives T and the drift. Without the drift, single
-rows, or the mean, minimum or maximum of the shortest blocks that agree modulo 1 (`_coherence`), are whole numbers:
-the levels. A level that falls again within twice the length of its rise was a late delivery. `row_levels` places the
-other rises.
-"""
+Row k has t_k = t_0 + (k + L_k) T + d_k, with L_k lost samples and a delay d_k: jitter, rounding, or time in a buffer.
+So r_k = t_k / T - k = L_k + drift + d_k / T rises permanently by a loss, and briefly by a delay. Modulo 1, its phase
+gives T and the drift. Without the drift, single rows, or statistics of the shortest coherent blocks (`_coherence`), are
+whole levels. A level that falls within twice its rise was a late delivery."""
 
 from __future__ import annotations
 
@@ -28,8 +25,7 @@ class PhaseSearch:
     coarse: float = 0.35
     """Smallest resolution of the time stamps, in sampling intervals, at which rounding hides the phase of a row."""
     regular: float = 0.35
-    """Smallest coherence at which single rows are used. It is exp(-2π²σ²) for a jitter of σ = 0.23 sampling
-    intervals."""
+    """Smallest coherence for single rows: exp(-2π²σ²) for a jitter of σ = 0.23 sampling intervals."""
     far_regular: float = 0.15
     """Smallest coherence at a distance of rows that refines the interval; beyond, the clock drifts too far."""
     late_share: float = 0.01
@@ -54,8 +50,7 @@ class PhaseSearch:
     """Relative difference between the declared interval and one without a lost sample, jitter included."""
     slips: int = 5  # smallest number of regular steps that are taken as rounding at another rate instead of losses
     drift: tuple[float, float] = (0.01, 0.2)
-    """Relative range of a drifting interval that is removed before phases are compared. Below, phases follow the drift;
-    above, the rate was changed."""
+    """Relative drift removed before phases are compared; below, phases follow it, above, the rate was changed."""
     lost_while_drifting: float = 0.02
     """Largest share of long intervals at which the course of the interval is measured over 16 rows."""
 
@@ -82,8 +77,7 @@ class SampleLosses:
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> SampleLosses:
-    """Find the sampling interval and the lost samples. `ticks` (N,) never decrease and are multiples of `resolution`.
-    The declared interval (ticks) decides if several intervals explain the time stamps."""
+    """Find the sampling interval and lost samples of ascending `ticks` (N,); `declared` decides between intervals."""
     even = _without_drift(ticks, resolution)
     if even is not None:
         losses = _steady_losses(even, resolution, declared)
@@ -267,8 +261,7 @@ def _is_rounding(found: SampleLosses, resolution: float, single: float) -> bool:
 
 
 def _with_long_steps(level: Rows, steps: Vector) -> Rows:
-    """Remove rises and falls of the levels without a fitting long or short interval (in samples): drift of the
-    clock."""
+    """Remove rises and falls of levels (clock drift) without a fitting interval (in samples)."""
     rise = np.diff(level)
     near = np.abs(steps[steps < SEARCH.long_interval] - 1)
     scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0

@@ -2,10 +2,7 @@
 
     2024-05-01T12:00:00.123456789Z   2024-05-01 12:00:00,123+02:00   2024/05/01 12:00:00   20240501T120000   12:00:00.5
 
-05/01/2024 is a day in January in some countries and in May in others: `formats.line_forms` removes it, so that the time
-of day remains. A time with an offset is converted to UTC; a time without one is read as UTC. Up to nine decimals of a
-second are read.
-"""
+`formats.line_forms` removes 05/01/2024, a day in January or May by country. Times without an offset are read as UTC."""
 
 from __future__ import annotations
 
@@ -45,11 +42,7 @@ _OR_LEAVE_OUT = "or leave it out with {--columns=time:none} and pass {--rate}."
 
 
 def is_stamp(cell: str) -> bool:
-    """Return whether a cell is a date with a time, to the second or finer, or a time of day.
-
-    >>> is_stamp("2024-05-01 12:00:00,5+02:00"), is_stamp("12:00:00.5"), is_stamp("05/01/2024 12:00:00")
-    (True, True, False)
-    """
+    """Return whether a cell is a date with a time, to the second or finer, or a time of day."""
     if not _SEPARATED.search(cell):
         return False
     shape = _match(_DATED, cell)
@@ -59,6 +52,11 @@ def is_stamp(cell: str) -> bool:
 def is_time_of_day(cell: str) -> bool:
     """Return whether a time stamp has no date."""
     return _match(_CLOCK, cell) is not None
+
+
+def is_date(cell: str) -> bool:
+    """Return whether a cell is a date without a time."""
+    return _DATE_ALONE.fullmatch(cell) is not None
 
 
 def parted_stamp(row: Sequence[str]) -> int | None:
@@ -71,7 +69,7 @@ def parted_stamp(row: Sequence[str]) -> int | None:
     """
     for k, (cell, following) in enumerate(pairwise(row)):
         fraction = is_stamp(cell) and re.search(r":\d\d$", cell) and re.fullmatch(r"\d{3}|\d{6}|\d{9}", following)
-        dated = _DATE_ALONE.fullmatch(cell) or is_stamp(f"{cell} {following}")
+        dated = is_date(cell) or is_stamp(f"{cell} {following}")
         if fraction or (is_time_of_day(following) and dated):
             return k
     return None
@@ -83,11 +81,7 @@ def holds_stamps(layout: Layout, column: int) -> bool:
 
 
 def form_remark(cell: str) -> Remark:
-    """Make the remark on how a column that begins with this time stamp is read.
-
-    >>> form_remark("2024-05-01T12:00:00Z").facts["form"]
-    'utc'
-    """
+    """Make the remark on how a column that begins with this time stamp is read."""
     if is_time_of_day(cell):
         return Remark.of("time-read", case="read", form="clock")
     zone = _zone(cell)
@@ -103,7 +97,7 @@ def require_readable(cell: str, path: object) -> None:
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
         return
-    if _DATE_ALONE.fullmatch(text):
+    if is_date(text):
         raise ReadError(
             f"{path}: the time column holds dates without times ({text!r})",
             code="dates-without-times",
@@ -127,9 +121,8 @@ def what_is_wrong(cell: str, first: str) -> str:
 
 
 def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
-    """Parse time stamps to datetime64[ns] in UTC. Times of day are on the first day of 1970. `first` is the first time
-    stamp of the column in the file: it shows whether the column has dates or times of day, and offsets from UTC. A cell
-    that cannot be read gives NaT."""
+    """Parse time stamps to datetime64[ns] in UTC, times of day on the first day of 1970. `first` shows dates or times
+    of day, and offsets. Unreadable cells give NaT."""
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
     stamps = np.empty(widths.size, dtype="M8[ns]")
@@ -143,9 +136,8 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
 
 
 class Midnights:
-    """Continue times of day beyond midnight, block by block. A step backward of more than 12 h is midnight. A forward
-    step of a day, or up to a minute less, is a time stamp out of order next to midnight. All other steps are kept.
-    Pinned by tests/readers/test_stamps.py."""
+    """Continue times of day beyond midnight: a step back of more than 12 h. A step of a day, or up to a minute less, is
+    out of order next to midnight (tests/readers/test_stamps.py)."""
 
     def __init__(self) -> None:
         self._days, self._last = 0, -1

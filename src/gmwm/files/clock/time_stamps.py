@@ -1,10 +1,7 @@
-"""Put time stamps in order, and analyse them: their unit, the rate, the gaps between segments, and their
-irregularities.
+"""Put time stamps in order, and find their unit, the rate, gaps and irregularities.
 
-Counters that wrap around, summer time, single stamps out of order, and clocks set back are corrected. Time stamps are
-counted in their own unit from the first one, so that integers stay exact. In float64, nanoseconds since 1970 would be
-rounded to 256 ns.
-"""
+Wraps of counters, summer time, single stamps out of order and clocks set back are corrected. Ticks from the first stamp
+keep integers exact: float64 would round nanoseconds since 1970 to 256 ns."""
 
 from __future__ import annotations
 
@@ -15,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.base.errors import ReadError, UnitError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.time_base import TimeBase
@@ -36,8 +33,7 @@ _STAMPS_BEHIND = (
 
 @dataclass(frozen=True)
 class ClockSteps:
-    """Rows before which a counter wraps, each with the length of the counter (ticks), and rows before which the clock
-    changes by an hour for summer time (1 for forward, −1 for back)."""
+    """Rows before which a counter wraps, with its length (ticks), and rows of summer time (1 forward, −1 back)."""
 
     wraps: tuple[tuple[int, float], ...] = ()
     hours: tuple[tuple[int, int], ...] = ()
@@ -93,10 +89,8 @@ def nominal_interval(ticks: Vector) -> float:
 
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> OrderedStamps:
-    """Undo wraps of a counter and changes to and from summer time. A backward step is a wrap if it becomes one sampling
-    interval, or at most 64, when 2¹⁶, 2²⁴ or 2³² ticks, a day or a week are added to it. For time stamps that are not
-    integers, the ticks of the counter can also be ns, µs or ms. A step is a change of summer time if it becomes one
-    sampling interval when an hour is added or subtracted."""
+    """Undo wraps of a counter and summer time. A step back is a wrap if 2¹⁶, 2²⁴ or 2³² ticks (unless `integer`, also
+    ns, µs or ms), a day or a week make it 1 to 64 intervals. It is summer time if an hour makes it one interval."""
     steps = np.diff(ticks)
     if not np.any(steps < 0) and not np.any(steps > _HOUR_WITHIN * per_second):
         return OrderedStamps(ticks, ClockSteps())
@@ -127,9 +121,7 @@ def _counters(units: set[float], per_second: int) -> list[float]:
     return sorted({*bits, 86_400.0 * per_second, 604_800.0 * per_second})
 
 
-def _wraps(
-    steps: Vector, nominal: float, near: float, lengths: Sequence[float]
-) -> Iterator[tuple[float, NDArray[np.int64]]]:
+def _wraps(steps: Vector, nominal: float, near: float, lengths: Sequence[float]) -> Iterator[tuple[float, Integers]]:
     """Yield the length of the counter and the intervals where it wraps, if most backward steps are its wraps."""
     back = np.flatnonzero(steps < 0)
     for length in lengths:
@@ -144,10 +136,9 @@ def _wraps(
             return
 
 
-def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[np.int64]]:
-    """Return time stamps that never decrease, and the rows before which the clock was set back. A single time stamp out
-    of order gets the time of its neighbour. If the clock was set back, the time stamps continue one sampling interval
-    after the last one."""
+def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, Integers]:
+    """Return stamps that never decrease, and rows before which the clock was set back. There the stamps go on by one
+    interval; a single one out of order gets its neighbour's time."""
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)
@@ -178,8 +169,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
         )
 
 
-# Unless a paper is named, these thresholds separate the simulated clocks of tests/readers/test_timebase.py and
-# test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
+# Thresholds without a paper separate simulated clocks (tests/readers/test_timebase.py, test_steady.py pin them).
 
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
@@ -210,8 +200,7 @@ class Stamps:
 
 @dataclass(frozen=True)
 class Timing:
-    """Time base, segments, their start times (s), remarks on the time stamps, and the width of
-    `sampling_interval.SampleLosses`."""
+    """Time base, segments, start times (s), remarks, and the width of `sampling_interval.SampleLosses`."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
@@ -227,8 +216,7 @@ class SegmentStarts:
         self._row, self._time, self._rate, self._lost = 0, time, rate, 0
 
     def at(self, row: int, lost: int, clock: float | None) -> float:
-        """Return the start time (s) of a segment that begins with `row` after a gap with `lost` samples. `clock` is the
-        time stamp (s) of the row if the clock was set back there."""
+        """Return the start (s) of a segment after `lost` samples; `clock` is its stamp (s) if the clock was set."""
         if clock is not None:
             self._row, self._time, self._lost = row, clock, 0
         self._lost += lost
@@ -241,8 +229,7 @@ def timing_without_stamps(rate: float, samples: int) -> Timing:
 
 
 def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, Remark | None]:
-    """Count time stamps in their unit from the first one. Return also a remark if the unit is inferred ("") or longer
-    than a second. A declared rate (Hz) decides if several units are possible."""
+    """Count time stamps in their unit, chosen with a declared rate; remark if it is inferred ("") or over a second."""
     require_countable(values)
     integer = values.dtype.kind in "iu"
     values = values.astype(np.int64) if integer else values

@@ -1,9 +1,7 @@
-"""Find the unit of each axis. The user declares it, the header or the file states it, or it is inferred from gravity.
+"""Find the unit of each axis: declared, stated by header or file, or inferred from gravity.
 
-The unit of a gyroscope cannot be inferred. If it is neither declared nor stated, the error says what each unit would
-mean, and what the recording says about it. Raw counts and increments are converted with the factors in the file or with
-declared factors.
-"""
+A gyroscope's cannot be inferred; the error says what each would mean, and what the recording shows. Counts and
+increments are converted with factors in the file or declared ones."""
 
 from __future__ import annotations
 
@@ -18,6 +16,8 @@ from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact
 from gmwm.base.units import (
+    LENGTHS,
+    POSITIONS,
     SI_UNIT,
     STANDARD_GRAVITY,
     TIME_UNITS,
@@ -42,9 +42,7 @@ def multiply(
     layout: Layout, choice: ColumnChoice, factors: Mapping[str, float], increments: Sequence[str],
     raw: Mapping[str, Vector], rate: float,
 ) -> tuple[Remark, ...]:  # fmt: skip
-    """Multiply the numbers by their factors, and increments by the rate, in place. If an axis has a factor of its own,
-    the factor of its sensor is not used. `factors` and `increments` are declared by axis or sensor. Return remarks on
-    both."""
+    """Multiply numbers in place by factors of axes or their sensors, and increments by the rate; return remarks."""
     read = {key for axis in choice.axes for key in (axis, axis_quantity(axis))}
     for name, keys in (("scale", factors), ("increments", increments if set(increments) != set(SI_UNIT) else ())):
         unused = next((key for key in keys if key not in read), None)
@@ -65,8 +63,7 @@ def multiply(
 
 
 def offset_counts(axes: Sequence[str], values: Mapping[str, Vector]) -> bool:
-    """Return whether the numbers of a sensor are counts of 16 bits without a sign: integers, of which two axes or more
-    have means within 10 % of the middle of the range."""
+    """Return whether numbers are unsigned 16-bit counts: two axes with means within 10 % of the middle of the range."""
     means = [float(np.mean(values[axis])) for axis in axes]
     near = sum(abs(mean / _MIDDLE - 1) < 0.1 for mean in means)  # a wide band: the counts of biases are far smaller
     return near >= min(2, len(axes)) and all(
@@ -114,8 +111,7 @@ _USUAL = (0.003, 0.1)
 _QUIET_SHARE = 0.1
 """Share of windows that are quieter than the one whose noise is stated, so that motion elsewhere does not matter."""
 _CLEAR = 0.7
-"""Correlation between turns of gravity and gyroscopes above which the turns are a witness. Both are noise at rest;
-pinned by tests/readers/test_units.py."""
+"""Correlation of turns of gravity and gyroscopes above that of noise at rest (tests/readers/test_units.py)."""
 
 
 def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float) -> UnitError:
@@ -164,8 +160,7 @@ def _quiet_density(samples: Vector, rate: float) -> float:
 
 
 def _by_turns(values: Mapping[str, Vector], rate: float) -> str:
-    """Return the unit of the gyroscopes with which the turns of gravity agree: a body that turns with the rate ω sees
-    the direction g turn with −ω × g. "" if the recording has not all axes, or no clear turns."""
+    """Return the unit that turns of gravity show (the direction g turns with −ω × g), or "" without clear turns."""
     if not all(f"{sensor}_{axis}" in values for sensor in SI_UNIT for axis in "xyz"):
         return ""
     width = max(1, round(rate / 10))  # samples in 0.1 s, over which noise and vibration average out
@@ -216,8 +211,7 @@ class _StatedUnit:
 
 
 def time_unit(layout: Layout, choice: ColumnChoice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
-    """Return the unit of the time stamps, "" if unknown, and a remark if they are dates or a declared unit replaces
-    another."""
+    """Return the unit of time stamps or "", and a remark on dates or a replaced unit."""
     column = choice.columns["time"]
     channel = layout.channels[column]
     if holds_stamps(layout, column):
@@ -251,10 +245,11 @@ def resolve(
     layout: Layout, choice: ColumnChoice, declared: Mapping[str, str], values: Mapping[str, Vector], rate: float,
     increments: Sequence[str] = (),
 ) -> Scales:  # fmt: skip
-    """Find the unit of every axis. `declared` maps sensors to units. `values` (N,) are the numbers in the file, for the
-    norm of gravity. For axes in `increments`, "deg" in the file does not contradict "deg/s"."""
+    """Find every axis's unit; `values` (N,) give the norm of gravity. "deg" of `increments` agrees with "deg/s"."""
     units: dict[str, Unit] = {}
     remarks: list[Remark] = []
+    if positions := [axis for axis in choice.axes if axis in POSITIONS]:
+        units |= {axis: _length(layout.channels[choice.columns[axis]].unit, axis, declared) for axis in positions}
     for quantity in SI_UNIT:
         axes = [axis for axis in choice.axes if axis_quantity(axis) == quantity]
         if not axes:
@@ -295,6 +290,17 @@ def resolve(
     return Scales(units, tuple(remarks))
 
 
+def _length(stated: str, axis: str, declared: Mapping[str, str]) -> Unit:
+    """Return the unit of a position that the user declares or the file states."""
+    unit = declared.get("position", stated)
+    if unit not in LENGTHS:
+        raise UnitError(
+            f"the unit of {axis} is neither declared nor named in the file", code="unit-unnamed",
+            advice="State it with {--units=position:mm}, position:cm or position:m.",
+        )  # fmt: skip
+    return LENGTHS[unit]
+
+
 def _stated_unit(
     layout: Layout, choice: ColumnChoice, declared: Mapping[str, str], axis: str, integral: bool
 ) -> _StatedUnit:
@@ -323,8 +329,7 @@ def _stated_unit(
 
 
 def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
-    """Make the error for an unknown unit in the file. For a unit of increments, such as deg, the advice declares
-    them."""
+    """Make the error for an unknown unit; for a unit of increments, such as deg, it advises to declare them."""
     message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
     rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
@@ -366,10 +371,8 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
 
 
 def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
-    """Report accelerometers whose norm is close to gravity in a unit other than the declared or stated one. A norm
-    within 20 % of gravity is accepted, because biases can explain it. Another unit is suggested only if the norm in
-    this unit is within 5 % of gravity. This is half of `_NEAR_GRAVITY`, because a stated unit is evidence
-    against another one."""
+    """Report accelerometers whose norm is near gravity in another unit. Biases explain 20 %; another unit must be
+    within 5 %, half of `_NEAR_GRAVITY`, as a stated unit is evidence against it."""
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]

@@ -70,13 +70,7 @@ class ColumnName:
 
 
 def recognise(name: str) -> ColumnName:
-    """Recognise the axis and the unit in a column name.
-
-    >>> recognise("w_RS_S_x [rad s^-1]")
-    ColumnName(axis='gyro_x', unit='rad/s', ros=False)
-    >>> recognise("accY_mg").unit, recognise("timestamp_us").unit
-    ('mg', 'us')
-    """
+    """Recognise the axis and the unit in a column name."""
     text = _ELEMENT.sub(lambda match: f"_{'xyz'[int(match[1])]}", clean(name), count=1)
     text, unit_text = _without_bracket(text)
     words = _words(text)
@@ -104,8 +98,7 @@ def recognise(name: str) -> ColumnName:
 
 
 def _without_bracket(text: str) -> tuple[str, str]:
-    """Split a name into the name without its bracket, and the text in the bracket. A bracket within a name counts if it
-    holds a unit."""
+    """Split a name and its bracket; a bracket within the name counts if it holds a unit."""
     if bracket := _BRACKETED.search(text):
         return text[: bracket.start()], bracket.group(1)
     within = _BRACKET_WITHIN.search(text)
@@ -135,11 +128,7 @@ def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
 
 
 def named_unit(name: str, axis: str) -> str:
-    """Return the unit in a column name if it is a unit of `axis`; otherwise "".
-
-    >>> named_unit("ch3 [dps]", "gyro_x")
-    'deg/s'
-    """
+    """Return the unit in a column name if it is a unit of `axis`; otherwise ""."""
     column = recognise(name)
     if column.unit and column.axis.split("_")[0] == axis.split("_")[0]:
         return column.unit

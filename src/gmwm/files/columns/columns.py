@@ -12,8 +12,8 @@ from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import Fact, join_names
 from gmwm.base.text import counted
-from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY, axis_quantity
-from gmwm.files.clock.text_stamps import is_stamp
+from gmwm.base.units import AXES, POSITIONS, SI_UNIT, STANDARD_GRAVITY, axis_quantity
+from gmwm.files.clock.text_stamps import is_date, is_stamp
 from gmwm.files.columns.column_names import by_short_names, clean, mentioned_sensor, role_of
 from gmwm.files.contract import Layout
 from gmwm.recording.options import ROLES, Columns
@@ -32,11 +32,11 @@ class ColumnChoice:
     @property
     def axes(self) -> tuple[str, ...]:
         """The axes among the roles, gyroscopes first."""
-        return tuple(axis for axis in AXES if axis in self.columns)
+        return tuple(axis for axis in (*AXES, *POSITIONS) if axis in self.columns)
 
     def only(self, axes: Sequence[str]) -> ColumnChoice:
         """Return the choice without the axes that are not in `axes`. The time and the temperature are kept."""
-        columns = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
+        columns = {role: k for role, k in self.columns.items() if role not in self.axes or role in axes}
         return ColumnChoice(columns, self.remarks)
 
 
@@ -47,13 +47,13 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
         return _check_choice(ColumnChoice(_by_order(layout, columns, path)), layout, path, exhaustive=True)
     requested = dict(columns or {})
     declared = {role: _index(layout, column, role, path) for role, column in requested.items() if column is not None}
-    exhaustive = any(role in AXES for role in declared)
+    exhaustive = not {*declared} <= {"time", "temperature"}
     roles = {"time", "temperature"} if exhaustive else set(ROLES)
     if not layout.named and not declared:
         raise _nameless(layout, path)
     named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
     chosen = ColumnChoice(declared | named, remarks)
-    return _check_choice(chosen, layout, path, exhaustive=any(role in AXES for role in requested))
+    return _check_choice(chosen, layout, path, exhaustive=not {*requested} <= {"time", "temperature"})
 
 
 def describe_columns(layout: Layout) -> str:
@@ -95,8 +95,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
 
 
 def _unread_sensors(others: Mapping[int, str], choice: ColumnChoice, path: Path) -> dict[str, tuple[str, ...]]:
-    """Return the columns that are not read although their names mention a sensor without its three axes. Raise an error
-    if no column of such a sensor is read."""
+    """Return unread columns of sensors without three axes; raise an error if no column of one is read."""
     out: dict[str, tuple[str, ...]] = {}
     for sensor in SI_UNIT:
         axes = [axis for axis in choice.axes if axis_quantity(axis) == sensor]
@@ -199,8 +198,7 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
 
 
 def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
-    """Return the column of the time stamp in the header of ROS messages if other columns also contain a time. It is not
-    used if its first time stamp is 0, because some drivers do not set it."""
+    """Return the ROS header stamp if other columns contain a time too, unless it is 0 (drivers that do not set it)."""
     for k in times:
         words = clean(layout.channels[k].name).casefold().replace("/", ".")
         if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):
@@ -238,6 +236,8 @@ def _guess(layout: Layout) -> str:
     cells = layout.first_row if len(layout.first_row) == count else ("0",) * count
     numbers = [k for k, cell in enumerate(cells) if layout.channels[k].name or not layout.named if _has_value(cell)]
     usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
+    if any(map(is_date, cells)):
+        usual |= {4: ("time", *POSITIONS[:3]), 2: ("time", "up")}
     guess = usual.get(len(numbers), AXES)
     if len(numbers) in (6, 7) and _is_gravity([cells[k] for k in numbers[-6:-3]]):
         guess = (*guess[:-6], *AXES[3:], *AXES[:3])
@@ -249,8 +249,12 @@ def _guess(layout: Layout) -> str:
 
 
 def _has_value(cell: str) -> bool:
-    """Return whether a cell is a number or a time stamp."""
-    return is_stamp(cell) or re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?|nan", cell, re.IGNORECASE) is not None
+    """Return whether a cell is a number, a date or a time stamp."""
+    return (
+        is_stamp(cell)
+        or is_date(cell)
+        or re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?|nan", cell, re.IGNORECASE) is not None
+    )
 
 
 def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:

@@ -4,6 +4,6 @@ from importlib import import_module
 
 for _module in (
     "archive", "dataflash", "epson", "hdf5", "waypoint", "kalibr", "matlab", "npy", "oxts", "parquet", "records",
-    "rosbag", "sensorlogger", "sentences", "text", "ulog", "xsens",
+    "rosbag", "sensorlogger", "sentences", "series", "text", "ulog", "xsens",
 ):  # fmt: skip
     import_module(f"{__name__}.{_module}")

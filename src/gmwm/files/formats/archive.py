@@ -1,10 +1,7 @@
 """Read zip archives of text tables, which phones export, and text that is compressed with gzip or Zstandard.
 
-Each sensor has a table with its own time stamps. Two tables are joined into one recording only if their rows can be
-paired one to one, in order, with time stamps that differ by at most half an interval. Rows at the ends without a
-partner are left out, and nothing is resampled. Tables that cannot be paired are separate recordings, which are chosen
-by topic.
-"""
+Tables of sensors are joined only if rows pair one to one, with stamps within half an interval; rows at the ends are
+left out, nothing is resampled. Other tables are topics."""
 
 from __future__ import annotations
 
@@ -101,8 +98,7 @@ class _ArchiveTable:
 
     @property
     def without_gravity(self) -> bool:
-        """Whether the phone removed gravity, so that the numbers come from its filter. Applications call this linear
-        acceleration; the field linear_acceleration of ROS messages includes gravity."""
+        """Whether a phone removed gravity (linear acceleration; not the field linear_acceleration of ROS)."""
         if isinstance(self.reader, SensorLoggerReader):
             return sensor(Path(self.source.member)) == WITHOUT_GRAVITY
         headed = any(c.name.casefold().startswith("linear acceleration ") for c in self.layout.channels)
@@ -255,8 +251,7 @@ def _pair_tables(gyro: _ArchiveTable, accel: _ArchiveTable) -> Layout | None:
 
 
 def _pair_rows(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
-    """Pair two columns of time stamps row by row. Return the index of the first paired row in each column and the
-    number of pairs, or None if the columns cannot be paired.
+    """Pair two columns of time stamps; return the first rows and the number of pairs, or None.
 
     >>> _pair_rows(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
     ((2, 0), 7)

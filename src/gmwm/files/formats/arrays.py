@@ -1,9 +1,6 @@
 """Convert named arrays to the columns of a recording, for NumPy, MATLAB and HDF5 files.
 
-Such a file contains single columns, tables of a few columns, and scalars that describe the other arrays, such as the
-rate. Arrays of the same length form one recording. If an array of three columns has the name of a sensor, its columns
-are the x, y and z axes.
-"""
+Arrays of equal length form a recording, three columns named as a sensor x, y, z; scalars, as the rate, describe it."""
 
 from __future__ import annotations
 
@@ -142,8 +139,7 @@ class ArraysReader(Reader):
 
 
 def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
-    """Yield the numbers of the wanted columns, `ARRAY_ROWS` rows at a time; integers as int64, all others as
-    float64."""
+    """Yield wanted columns, `ARRAY_ROWS` rows at a time; integers as int64, others as float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
     total = columns[0][0].shape[0]
     for start in range(first, total, ARRAY_ROWS):

@@ -1,9 +1,7 @@
-"""Read MCAP files, which ROS 2 records.
+"""Read MCAP files of ROS 2: records of kind (one byte), length (eight bytes) and content.
 
-A file is a sequence of records. A record has one byte for its kind, eight bytes for its length, and its content.
-Messages are records, either directly in the file or inside chunks, which may be compressed. Source: MCAP format
-specification, version 0 (mcap.dev/spec).
-"""
+Messages are records in the file or in chunks, possibly compressed. Source: MCAP format specification, version 0
+(mcap.dev/spec)."""
 
 from __future__ import annotations
 
@@ -29,8 +27,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 11, 15
 _HEAD = Struct("<BQ")
-# Head of a message record and the fixed part of its content, 31 bytes. The specification defines times as unsigned
-# integers. They are read as signed integers, like all other times here; this changes only times after the year 2262.
+# Head and fixed part of a message record, 31 bytes, with signed times, as all here; unsigned only after 2262.
 _WHOLE = Struct("<BQHIqQ")
 _FIXED = Struct("<HIqQ")
 _CHUNK_HEAD = Struct("<QQQI")
@@ -189,8 +186,7 @@ class _Contents:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """Read a string that is stored after its length, and the position of its end. If not `strict`, invalid bytes are
-    replaced, because some encodings of schemas are not text."""
+    """Read a string after its length, and its end; unless `strict`, invalid bytes (schemas) are replaced."""
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length
     if end > len(content):

@@ -1,9 +1,6 @@
-"""Read bags of ROS 1, format 2.0.
+"""Read bags of ROS 1, format 2.0: records of a header with fields `name=value` and of data, each after its length.
 
-A file is a sequence of records. A record has a header with fields `name=value` and data, each preceded by its length.
-Messages are inside chunks, which may be compressed. The index at the end lists topics and chunks. Source: ROS wiki,
-"Bags/Format/2.0".
-"""
+Messages are in chunks, maybe compressed; an index lists topics and chunks. Source: ROS wiki, "Bags/Format/2.0"."""
 
 from __future__ import annotations
 

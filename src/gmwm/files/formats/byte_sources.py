@@ -1,9 +1,6 @@
 """Sources of bytes: a file, a compressed file, or a member of a zip archive.
 
-Unpacked bytes are counted. If a file unpacks to more bytes than any recording has (a decompression bomb), an error is
-raised before the file fills the disk or the memory. A truncated file raises an error too, because compressed formats
-mark their end.
-"""
+Unpacked bytes are counted: decompression bombs raise an error before they fill the disk, as do truncated files."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
 """Decode the numbers in serialised ROS messages, many messages at once if they have the same layout.
 
-CDR (ROS 2) has a head of four bytes with the byte order, and values aligned to their size; ROS 1 has neither. The
-positions of the values depend only on the lengths of the strings and sequences before them, so messages with the same
-lengths are read as strided columns. The decoder of rosbags decodes all other messages one by one. Sources: OMG Common
-Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
-"""
+CDR (ROS 2) has a head of four bytes (byte order) and aligned values; ROS 1 has neither. Equal lengths of strings and
+sequences give strided columns; rosbags decodes other messages. Sources: OMG Common Data Representation
+(formal/02-06-51, 15.3); ROS wiki, "msg", serialization."""
 
 from __future__ import annotations
 
@@ -60,8 +58,7 @@ class Definition:
     encoding: Encoding  # serialisation of the messages
 
     def leaves(self) -> tuple[str, ...]:
-        """Return the names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]". A time
-        stamp is one number, in nanoseconds. Strings, sequences and long arrays are left out."""
+        """Return the names of numbers in every message, such as "gyro[0]"; stamps in ns, no strings or sequences."""
         return tuple(islice(self._leaves(self.name, "", 0), 512))
 
     def decoder(self, wanted: Sequence[str]) -> Decoder:
@@ -350,8 +347,7 @@ def _store(definition: Definition) -> Any:
     store = get_typestore(Stores.EMPTY)
     try:
         defined = set(store.fielddefs)
-        # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
-        # file.
+        # Constants are omitted, because the decoder generates code from the definition in the file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in defined})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise topic_error(f"the message type {definition.name} is not understood: {error}", "type-invalid") from error
@@ -366,10 +362,7 @@ _EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CD
 
 
 def definition(topic: Topic) -> Definition | None:
-    """Return the type of the messages of a topic, or None if it is not defined or its messages cannot be decoded.
-
-    Recordings before ROS 2 Iron contain no definitions; their types are those that ROS includes.
-    """
+    """Return the type of a topic's messages, or None; before ROS 2 Iron, only types that ROS includes are known."""
     library("rosbags")
     from rosbags.typesys import Stores, get_typestore
 

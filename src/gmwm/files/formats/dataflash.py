@@ -1,9 +1,7 @@
-"""Read ArduPilot's logs (.bin), also in text form (.log). Each instance (sensor) of IMU, ACC and GYR is a recording.
+"""Read ArduPilot's logs (.bin, or text .log). Each instance (sensor) of IMU, ACC and GYR is a recording.
 
-FMT messages define the length and the fields of each type. Bytes and lines that are not a complete message are skipped;
-the missing samples show as gaps in the time stamps. Sources: ArduPilot, libraries/AP_Logger/LogStructure.h and
-AP_InertialSensor/LogStructure.h.
-"""
+FMT messages define types. Incomplete messages are skipped, and show as gaps. Sources: ArduPilot,
+libraries/AP_Logger/LogStructure.h and AP_InertialSensor/LogStructure.h."""
 
 from __future__ import annotations
 
@@ -53,8 +51,7 @@ class _DataflashMessage:
 
 @dataclass
 class _LogRecording:
-    """A recording in a log: message, instance (-1 for none), names of values, number of the message in a binary log,
-    count, times, any temperature but zero."""
+    """A recording in a log: message, instance (-1: none), names, binary number, count, times, any temperature but 0."""
 
     name: str
     instance: int

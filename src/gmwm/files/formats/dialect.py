@@ -1,9 +1,6 @@
-"""Detect the dialect of a text file: delimiter, decimal sign, comments, header, and the first line of numbers.
+"""Detect the dialect of a text file from 64 kB: delimiter, decimal sign, comments, header, first line of numbers.
 
-The first 64 kB determine the dialect. Numbers and time stamps are recognised by their form; the lines above them are
-titles, headers, rows of units and comments. The thresholds below are pinned by tests/readers/test_text.py and
-test_headers.py.
-"""
+Lines above are titles, headers, units and comments (thresholds: tests/readers/test_text.py, test_headers.py)."""
 
 from __future__ import annotations
 
@@ -62,8 +59,7 @@ class TextDialect:
     # The lines above the numbers that have more than one cell. Some programs repeat them between the numbers
     header: tuple[str, ...] = ()
     above: tuple[str, ...] = ()  # all lines above the numbers
-    # in a file with rows of several sensors, the index of the column that states the sensor, and the values of this
-    # column; None otherwise
+    # in a file with rows of several sensors, the column that states the sensor, and its values; None otherwise
     sensors: tuple[int, tuple[str, ...]] | None = None
     # index of this column, and its value in the rows to read; None to read all rows
     sensor: tuple[int, str] | None = None
@@ -95,8 +91,7 @@ def comment_sign(line: str) -> str:
 
 
 def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str, ...] = ()) -> TextDialect:
-    """Detect the dialect of a file from its first lines. `commas` states what a comma in a number is, `names` the names
-    of the columns if they are not in the lines."""
+    """Detect the dialect from the first lines, with known `commas` and with `names` that are not in the lines."""
     lines = plain_header(lines)
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -165,8 +160,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
 
 
 def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
-    """Find the column that states the sensor of each row; return its index and its values in the first rows. They are
-    numbers of sensors, or words such as gyroscope and accelerometer in a table of several sensors."""
+    """Find the column that states each row's sensor, by number or word; return index and first values."""
     for k, name in enumerate(names or [""] * len(rows[0] if rows else ())):
         values = sorted({row[k] for row in rows})
         numbered = name.casefold() in _SENSOR_COLUMNS and all(value.isdecimal() for value in values)
@@ -257,8 +251,7 @@ def _split_stamp_header(
     header: list[tuple[int, list[str]]], body: list[tuple[int, str]], comments: list[str], row: list[str],
     delimiter: str, where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:  # fmt: skip
-    """Return names and units if the delimiter also splits each time stamp in two, so that a name is missing; else
-    None."""
+    """Return names and units if the delimiter also splits each time stamp, so that a name is missing; else None."""
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None
@@ -373,8 +366,7 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
 
 
 def _stated_rate(comments: list[str], preamble: list[str]) -> float | None:
-    """Return the sampling rate (Hz) if the lines above the numbers state exactly one; otherwise None. A comment may
-    hold it anywhere, as in "// Update Rate: 100.0Hz"; another line must hold nothing else, as in "Fs,100"."""
+    """Return the only rate (Hz) stated above the numbers, or None: in a comment, or alone as in "Fs,100"."""
     lines = [_single_blanks(line[:200]) for line in (*comments, *preamble)]
     # A comment without "Hz" may still state a rate; a title must have the unit.
     texts = [*lines[: len(comments)], *(line for line in lines[len(comments) :] if "hz" in line.casefold())]

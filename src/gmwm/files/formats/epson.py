@@ -1,8 +1,6 @@
-"""Read CSV files of Epson's logging programs for M-G IMUs, with scale factors in a comment and units in column names.
+"""Read CSV files of Epson's M-G IMUs: scaled (Gx[dps], Ax[mG]) or raw (Gx[dec]) with SF_GYRO=… and SF_ACCL=…
 
-A log is scaled (Gx[dps], Ax[mG]) or raw (Gx[dec]). For raw logs, a line with SF_GYRO=… and SF_ACCL=… states the size of
-a count. Columns of increments are named DAx, DVx and so on. There are no time stamps; a comment states the output rate.
-"""
+Increments are named DAx, DVx and so on. There are no time stamps; a comment states the output rate."""
 
 from __future__ import annotations
 

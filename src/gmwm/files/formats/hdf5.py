@@ -1,9 +1,6 @@
 """Read data sets, tables of records and groups from HDF5 files and from MATLAB files of version 7.3.
 
-Only data in the file itself are read. Links to other files, and virtual or external data sets, are ignored. Attributes
-named unit or units state a unit, and attributes such as rate state the sampling rate. A description of the file can
-also state units.
-"""
+Links to other files, virtual and external data are ignored. Attributes, or a description, state units and the rate."""
 
 from __future__ import annotations
 

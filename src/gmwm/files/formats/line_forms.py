@@ -1,6 +1,4 @@
-"""Recognise the forms of lines, numbers and time stamps in text: names before numbers, decimal commas, and seconds with
-their fraction in a column of its own.
-"""
+"""Recognise forms of lines in text: names before numbers, decimal commas, and seconds apart from their fraction."""
 
 from __future__ import annotations
 
@@ -143,8 +141,7 @@ def _times(sample: Sequence[str]) -> Iterator[Replacement]:
 
 
 def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of the numbers in a line from their labels; without labels, the units behind the numbers. Both
-    are empty for other lines."""
+    """Return names of numbers from their labels, or from units behind them; both are empty for other lines."""
     head, *pieces = re.split(f"({_LABEL})", line.strip())
     head = re.sub(r"^[A-Z]?\s*[\[(]?(\d+(?:\.\d+)?)[\])]?", r"\1", head.strip())
     names: list[tuple[str, str, str]] = []  # name, unit, and the words before the axis
@@ -178,8 +175,7 @@ def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def first_of_sample(lines: Sequence[str]) -> str:
-    """Return the shape of the line with which each sample begins, if labelled numbers of a sample are in several lines,
-    as examples of libraries for sensors print them; otherwise "".
+    """Return the shape of a sample's first line if several lines have it (examples of libraries); otherwise "".
 
     >>> first_of_sample(["Gyro x: 1 y: 2", "Acc x: 3 y: 4"] * 9)
     'Gyro x: # y: #'
@@ -206,8 +202,7 @@ _MOST_ROWS = 4096  # number of rows in which seconds and fractions are compared
 
 @dataclass(frozen=True)
 class StampParts:
-    """Indices of the columns of seconds and of their fractions, and the number of units of the fraction in a second; 1
-    for decimal numbers below 1."""
+    """Columns of seconds and of fractions, and fractions per second (1 for decimals)."""
 
     seconds: int
     fraction: int
@@ -235,8 +230,7 @@ class StampParts:
 
 
 def find_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> StampParts | None:
-    """Find the columns of time stamps in two parts, by the name of the seconds or the unit of the fraction, and by the
-    numbers of the fraction, which begins again in each second."""
+    """Find columns of two-part stamps by names or units; the fraction begins again in each second."""
     columns = [k for k, name in enumerate(names) if not recognise(name).axis.startswith(("gyro", "accel"))]
     for k in sorted(columns, key=lambda k: not _may_be_seconds(names[k])):
         for other in columns:

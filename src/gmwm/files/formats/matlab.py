@@ -1,12 +1,8 @@
 """Read MATLAB's .mat files of versions 5 to 7, and with h5py those of version 7.3, which are HDF5.
 
-Arrays are recognised by their names. Two layouts of other programs are known: `data_imu`, a table of time,
-accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
-
-SciPy reads versions 5 to 7 too, but crashes the process on 22 % of damaged files. Here, each length is checked against
-the number of available bytes. Numeric matrices, strings and structures are read, and everything else is skipped.
-Source: The MathWorks, MAT-File Format (Level 5).
-"""
+Arrays are recognised by name, or as `data_imu` of time, accelerometers, gyroscopes (kalibr_allan) or `wb`, `fb`, `t`,
+`freq` (NaveGo). SciPy crashes the process on 22 % of damaged files; here each length is checked. Source: The MathWorks,
+MAT-File Format (Level 5)."""
 
 from __future__ import annotations
 

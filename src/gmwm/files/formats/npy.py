@@ -1,5 +1,4 @@
-"""Read NumPy's .npy and .npz files. Pickled objects are not read, and each header must agree with the size of the
-file."""
+"""Read NumPy's .npy and .npz files without pickled objects; each header must agree with the size of the file."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Read the OXTS data of KITTI: a folder with timestamps.txt and a file of 30 numbers for each sample in data/.
-
-Source: dataformat.txt of the raw data of KITTI: ax, ay, az in m/s² and wx, wy, wz in rad/s in the body frame.
-"""
+"""Read KITTI's OXTS folder: timestamps.txt, and 30 numbers per sample in data/ (dataformat.txt of the raw data: ax, ay,
+az in m/s² and wx, wy, wz in rad/s in the body frame)."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Read records as tables of text: JSON objects, and messages of ROS that `rostopic echo` printed.
+"""Read records as tables: JSON objects, and ROS messages printed by `rostopic echo`.
 
-A field has the name of its path, such as `gyro.x` or `acc[0]`. A time stamp in two fields, sec and nsec, is one number
-in nanoseconds.
-"""
+Fields have names of their paths (`gyro.x`, `acc[0]`); sec and nsec become nanoseconds."""
 
 from __future__ import annotations
 

@@ -1,9 +1,6 @@
 """Read ROS recordings without ROS: bags of ROS 1, and databases and MCAP files of ROS 2, as files or directories.
 
-Every topic whose messages hold numbers is a recording. It is inertial if its type is sensor_msgs/Imu or its fields have
-the names of axes. The time is the stamp in the header of each message, or the time of recording if the stamp is not
-set.
-"""
+Topics with numbers are recordings, inertial by type sensor_msgs/Imu or by names, with times of headers or recording."""
 
 from __future__ import annotations
 
@@ -18,9 +15,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import AXES
@@ -241,9 +237,7 @@ def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> li
     return out
 
 
-def _temperatures(
-    topic: Topic | None, stamp: str, storages: Sequence[Storage], path: Path
-) -> tuple[NDArray[np.int64], Vector]:
+def _temperatures(topic: Topic | None, stamp: str, storages: Sequence[Storage], path: Path) -> tuple[Integers, Vector]:
     """Read the time stamps (ns) and temperatures (°C) of a topic, in the order of time."""
     kind = None if topic is None else definition(topic)
     stamps, values = [np.empty(0, dtype=np.int64)], [np.empty(0)]
@@ -260,7 +254,7 @@ def _temperatures(
     return at[order], degrees[order]
 
 
-def _interpolate(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
+def _interpolate(slow: tuple[Integers, Vector], stamps: Integers) -> Vector:
     """Return the temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
     at, values = slow
     if not at.size:

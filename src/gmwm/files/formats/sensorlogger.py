@@ -1,8 +1,5 @@
-"""Read tables of the phone application Sensor Logger: one file for each sensor, with time,seconds_elapsed,z,y,x.
-
-The name of the file states the sensor: Gyroscope.csv in rad/s, TotalAcceleration.csv in m/s² with gravity,
-Accelerometer.csv in m/s² without gravity. The time is in nanoseconds.
-"""
+"""Read tables of Sensor Logger (phones), one per sensor, with time (ns),seconds_elapsed,z,y,x: Gyroscope.csv in rad/s,
+TotalAcceleration.csv in m/s² with gravity, Accelerometer.csv without."""
 
 from __future__ import annotations
 

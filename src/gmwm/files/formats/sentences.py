@@ -1,11 +1,9 @@
 """Read logs of sentences of inertial sensors: NMEA sentences such as $VNYMR,…*68, and the ASCII logs of NovAtel.
 
-Checksums are verified. A damaged sentence is a lost sample, and is counted. Other sentences, such as $GPGGA, are left
-out. Sources: VectorNav VN-100 user manual, "ASCII output messages"; SBG Systems sbgECom, "NMEA proprietary"; Xsens MT
-low-level documentation, "String output"; Inertial Sense, "NMEA protocol"; HiPNUC products, hipnuc_nmea_parser.py;
-NovAtel, OEM7 Commands and Logs Reference Manual, "RAWIMUSX", table "Raw IMU scale factors" (the same factors are in
-oem7_imu.cpp of novatel_oem7_driver).
-"""
+Sentences with a wrong checksum are lost samples; others, such as $GPGGA, are left out. Sources: VectorNav VN-100 user
+manual, "ASCII output messages"; SBG Systems sbgECom, "NMEA proprietary"; Xsens MT low-level documentation, "String
+output"; Inertial Sense, "NMEA protocol"; HiPNUC, hipnuc_nmea_parser.py; NovAtel, OEM7 Commands and Logs Reference
+Manual, "RAWIMUSX", "Raw IMU scale factors" (also oem7_imu.cpp of novatel_oem7_driver)."""
 
 from __future__ import annotations
 
@@ -131,8 +129,7 @@ SENTENCES = {
 
 @dataclass(frozen=True)
 class _State:
-    """Data to find the values of a recording: the name of its sentence, the time stamp that the logger wrote before the
-    first one ("" for none), and the number of fields."""
+    """Name of a recording's sentence, the logger's stamp before the first one ("" for none), and number of fields."""
 
     name: str
     stamp: str
@@ -265,8 +262,7 @@ def _sentences(path: Path) -> Iterator[tuple[str, str, bytes | None]]:
 
 
 def _checksum(text: bytes, digits: int) -> int:
-    """Return the checksum of a sentence: the XOR of its bytes (NMEA, two digits) or the CRC-32 of NovAtel, which begins
-    with 0 and is not inverted (OEM7 manual, "32-bit CRC")."""
+    """Return the XOR of bytes (NMEA), or NovAtel's CRC-32 from 0, not inverted (OEM7 manual, "32-bit CRC")."""
     if digits == 8:
         return zlib.crc32(text, 0xFFFFFFFF) ^ 0xFFFFFFFF
     total, bits = int.from_bytes(text, "big"), 4 * (1 << (len(text) - 1).bit_length())

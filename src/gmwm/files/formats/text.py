@@ -1,7 +1,4 @@
-"""Read CSV and other text tables in blocks, which Polars parses.
-
-This module parses the header and passes a schema to Polars, so that Polars infers nothing from the first rows.
-"""
+"""Read CSV and other text tables in blocks; a parsed schema keeps Polars from inferring anything."""
 
 from __future__ import annotations
 
@@ -83,8 +80,7 @@ class TextReader(Reader):
         return self.rows(FileSource(path), layout, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Return a mark for each block, from a pass that parses no numbers. There are none if midnights must be counted
-        from the first row, or if only some rows are read."""
+        """Return block marks without parsing numbers; none if midnights must be counted, or only some rows are read."""
         if any(map(is_time_of_day, layout.state.first_row)) or layout.state.sensor:
             return ()
         source, row, marks = recoded(FileSource(path)), 0, []
@@ -163,8 +159,7 @@ class TextReader(Reader):
 
 
 def _of_sensor(layout: Layout, column: int, value: str) -> Layout:
-    """Return the recording of one sensor in a table in which a column names the sensor of each row. The axes are the
-    columns named x, y and z, or the three columns of numbers behind the time."""
+    """Return one sensor's recording in a table with a column of sensors: columns x, y, z, or three behind the time."""
     dialect: TextDialect = layout.state
     channels, sensor = list(layout.channels), sensor_word(value)
     free = [k for k, channel in enumerate(channels) if k != column and role_of(channel) != "time"]

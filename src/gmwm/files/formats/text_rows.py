@@ -1,9 +1,7 @@
 """Parse blocks of a text table, and handle the lines that are not rows.
 
-Polars parses a block at once. It reads a short row as nulls without an error, so a block with nulls is checked line by
-line. A cell that is empty or holds NA is a missing value. A line with the wrong number of cells, or with text in place
-of a number, is a bad line. It raises an error or becomes a row of missing values. A repeated header is left out.
-"""
+Polars reads short rows as nulls, so such blocks are checked by line. Empty cells and NA are missing values. Wrong
+numbers of cells, or text, are bad lines: an error or missing values. Repeated headers are left out."""
 
 from __future__ import annotations
 
@@ -144,7 +142,7 @@ class RowParser:
             )
             if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
-            if frame is not None and _has_nulls(frame):
+            if frame is not None and (_has_nulls(frame) or self._has_more_cells(block, frame.height)):
                 frame = self._frame_or_none(
                     _without_blank_lines(block if self._even(block) else self._repair(block, line))
                 )
@@ -177,6 +175,12 @@ class RowParser:
         except pl.exceptions.NoDataError:
             return None
         return None if frame.is_empty() else frame
+
+    def _has_more_cells(self, block: bytes, rows: int) -> bool:
+        """Return whether a row may be too long. Polars reports such a row only if it reads all columns."""
+        d = self.dialect
+        cells = len(block.split()) if d.delimiter == BLANKS else block.count(d.delimiter.encode()) + rows
+        return len(self.projection) < d.columns and cells > rows * max(d.fields, d.columns)
 
     def _even(self, block: bytes) -> bool:
         """Return whether each line of a block has the right number of cells, by a count of the delimiters."""

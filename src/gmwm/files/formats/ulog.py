@@ -1,8 +1,6 @@
-"""Read PX4's flight logs (.ulg), block by block. Each gyroscope and accelerometer of the autopilot is a recording.
+"""Read PX4's flight logs (.ulg) in blocks; each gyroscope and accelerometer is a recording (tested against pyulog).
 
-Sources: PX4 guide, "ULog file format"; PX4-Autopilot, msg/SensorCombined.msg, SensorGyro.msg, SensorAccel.msg. The
-tests compare the messages with pyulog.
-"""
+Sources: PX4 guide, "ULog file format"; PX4-Autopilot, msg/SensorCombined.msg, SensorGyro.msg, SensorAccel.msg."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """Read binary files of surveying: .imu, with one of six types of records, and NovAtel's .imr.
 
-An .imu file does not state its sensor. All records of 56 bytes have the same scale. There are four types of records of
-32 bytes, so the user names the type: `format="imu:LN200"`. An .imr file has a header of 512 bytes, and raw measurements
-that Waypoint has converted. Source: NovAtel, Waypoint documentation, "IMR File" (docs.novatel.com).
-"""
+Records of 56 bytes have one scale; of 32 bytes there are four types, so the user names one (`format="imu:LN200"`). An
+.imr has a header of 512 bytes, and converted raw data (NovAtel, Waypoint, "IMR File", docs.novatel.com)."""
 
 from __future__ import annotations
 
@@ -36,8 +34,7 @@ _NEAR_GRAVITY = 0.2
 
 
 class RecordsReader(Reader):
-    """Base class of the readers of records of one size, which can be read from any record. The `state` of a layout is
-    the type of the records and the size of the header (bytes)."""
+    """Base of readers of equal records, from any record on; `state` is their type and the header's size (bytes)."""
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the counts and times in the file, unchanged."""
@@ -237,8 +234,7 @@ def _heavy(head: bytes, kind: RecordType) -> bool:
 
 _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512
-# Fields after the signature and the byte order: version, whether angles and velocities are increments, rate, two
-# scales, two types of time, bias of time, and name of the sensor. The rest of the header is not used.
+# Fields after the byte order: version, whether increments, rate, scales, types and bias of time, sensor's name.
 _ORDERS = {0: "<", 1: ">"}
 _CLOCKS = {1: "UTC", 2: "GPS"}
 
@@ -316,8 +312,7 @@ def _header(path: Path) -> _Header:
 
 
 def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
-    """Return a remark if the first time stamps contradict the rate of the header by more than 1 %: it may be a
-    setting."""
+    """Return a remark if first stamps contradict the header's rate, maybe a setting, by over 1 %."""
     times = np.fromfile(path, record("i4", header.order), 2048, offset=_HEADER_BYTES)["time"].astype(np.float64)
     interval = float(np.median(np.diff(times))) if times.size > 1 else 1 / header.rate
     if abs(interval * header.rate - 1) <= 0.01:

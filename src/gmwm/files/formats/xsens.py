@@ -1,10 +1,7 @@
-"""Read text exported by Xsens MT Manager, with // comments and columns such as PacketCounter and Acc_X.
+"""Read text exported by Xsens MT Manager, with // comments and columns such as PacketCounter and Acc_X (m/s², rad/s).
 
-Acc is in m/s² and Gyr in rad/s. If an export has only increments, VelInc (m/s) is the integral of the accelerometer
-over a sample, and OriInc is the quaternion of the rotation in a sample, whose vector part is half the angle.
-SampleTimeFine counts 0.1 ms. If it is empty, PacketCounter, which increases by one for each sample and wraps at 2¹⁶,
-gives the time with the update rate in the comments.
-"""
+Increments are VelInc (m/s) and OriInc, a quaternion whose vector part is half the angle. Time is SampleTimeFine (0.1
+ms), or PacketCounter (modulo 2¹⁶) with the update rate in comments."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Read the noise numbers in the files of other programs, and convert each by the rule of the program that uses it.
+"""Read the noise numbers in other programs' files, converted by their rules: YAML, MATLAB code, parameter lists.
 
-A file is recognised by its keys: YAML, also with OpenCV's first line, MATLAB code, and parameter lists. Only the values
-of these keys are read, so that a whole configuration can be passed.
-"""
+Only recognised keys are read, so that a whole configuration can be passed."""
 
 from __future__ import annotations
 
@@ -56,8 +54,7 @@ class ParameterFile:
         )
 
     def numbers(self, key: str, unit: str = "") -> list[float] | None:
-        """Return the number of a key, or one for each axis; None if the key is not there. If `unit` is the SI unit of
-        the number, the file may state another unit of the same kind."""
+        """Return a key's number, or one per axis, or None; with an SI `unit`, the file may state another."""
         entry = self.find(key)
         if entry is not None and not entry.cells:
             raise ReadError(f"line {entry.line}: {key} has no number")
@@ -96,8 +93,7 @@ def parse(text: str, path: Path) -> ParameterFile:
 
 
 def _of_node(node: Any, above: tuple[str, ...], visited: set[int]) -> Iterator[KeyLine]:
-    """Yield the entries of a mapping of YAML and of the mappings in it. Refuse a node that an alias repeats, because a
-    few lines of aliases can stand for more entries than a computer can hold."""
+    """Yield a YAML mapping's entries, nested; refuse repeated aliases, which can expand beyond memory."""
     if id(node) in visited:
         raise ReadError(f"line {node.start_mark.line + 1}: a YAML alias repeats this part", advice="Write it out.")
     visited.add(id(node))
@@ -241,8 +237,7 @@ class Format:
 
     name: str  # name of the program
     keys: tuple[str, ...]  # keys by which a file is recognised: every file has at least one of them
-    # Function that returns the values of each axis, from the text of the file and the sampling rate (Hz). The
-    # rate is None if neither the file nor the user states it
+    # Returns each axis's values from the text and the rate (Hz), or None if neither file nor user states it
     read: Reader
     names: Mapping[Quantity, Mapping[str, str]]  # the key in the file for each number of `Values`
     rate_key: str = ""  # key of the sampling rate (Hz); "" if the file has none
@@ -255,8 +250,7 @@ class Format:
         return any(document.has(key) for key in self.keys)
 
     def written(self, document: ParameterFile, axis: str) -> dict[str, tuple[str, float | None]]:
-        """Return the key and the value in the file for each number of an axis. The value is None if a file has each key
-        several times."""
+        """Return key and value of each number of an axis; None for values of repeated keys."""
         quantity: Quantity = "gyro" if axis.startswith("gyro") else "accel"
         entries: dict[str, tuple[str, float | None]] = {}
         for symbol, key in self.names.get(quantity, {}).items():
@@ -308,8 +302,7 @@ def _density(value: float, rate: float | None) -> float:
 
 
 def _per_step(value: float, rate: float | None) -> float:
-    """Convert the standard deviation σ of one step to a density: a step of Δt = 1/f adds (Δt σ)², and noise of density
-    N adds N² Δt, so N = σ/√f."""
+    """Convert σ of one step to a density N = σ/√f: a step of Δt = 1/f adds (Δt σ)², and noise N² Δt."""
     assert rate is not None
     return value / math.sqrt(rate)
 

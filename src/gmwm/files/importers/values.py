@@ -1,6 +1,4 @@
-"""The noise numbers of one axis as datasheets and filters state them, their units, and their conversion to a noise
-model.
-"""
+"""Noise numbers of an axis as datasheets and filters state them, their units, and their conversion to a model."""
 
 from __future__ import annotations
 
@@ -20,8 +18,7 @@ from gmwm.theory.processes.power import FN
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # Allan deviation of flicker noise with the coefficient 1 (IEEE Std 952)
 GAUSS_MARKOV_PEAK = 0.6173643
-"""Largest Allan deviation of a Gauss-Markov process of variance 1. It occurs at an averaging time of 1.89 times the
-correlation time (pinned by tests/importers/test_values.py)."""
+"""Largest Allan deviation of a GM of variance 1, at 1.89 correlation times (tests/importers/test_values.py)."""
 _SQUARED = (1e-150, 1e150)  # range of numbers whose squares are floating-point numbers at any sampling rate
 
 
@@ -120,17 +117,7 @@ _VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 @dataclass(frozen=True)
 class Reference:
-    """A value that the manufacturer states.
-
-    Parameters
-    ----------
-    value : float
-        Value in `unit`.
-    unit : str
-        Unit of the value, for example "deg/√h".
-    si : float
-        The value in SI units.
-    """
+    """A value that the manufacturer states in `unit`, for example "deg/√h", and in SI (`si`)."""
 
     value: float
     unit: str
@@ -145,8 +132,7 @@ class Reference:
 
 
 def as_reference(name: str, given: tuple[float, str], si: str, *, argument: str = "reference") -> Reference:
-    """Convert a reference value from its unit to the SI unit `si`. Raises an OptionError if `given` is not a positive
-    number with a unit, and a UnitError if the unit does not fit the number.
+    """Convert a positive reference value with unit to the SI unit `si`; OptionError or UnitError otherwise.
 
     >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
     True
@@ -176,11 +162,7 @@ def _factor(name: str, text: str, si: str, argument: str) -> float:
 
 
 def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
-    """Parse the value of --reference: the name of a number, and its value and unit.
-
-    >>> parse_reference("gyro.N = 2.0 deg/√h")
-    ('gyro.N', (2.0, 'deg/√h'))
-    """
+    """Parse the value of --reference: the name of a number, and its value and unit."""
     name, mark, quantity = (part.strip() for part in text.partition("="))
     match = _VALUE.fullmatch(quantity)
     sensor, dot, symbol = name.rpartition(".")
@@ -202,8 +184,7 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
 
 
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "sigma": 0.0, "K": -0.5, "R": -1.0}
-"""Symbols of the numbers in a datasheet. The unit of each number is the unit of the signal times this power of the
-second."""
+"""Datasheet symbols, with the power of the second in their unit, beside the signal's unit."""
 _NAMES = {"σ": "sigma", "σ_GM": "sigma", "T": "T_c", "τ": "T_c", **{name: name for name in (*POWERS, "T_c")}}
 EXAMPLE = "gyro: N=0.15deg/√h, B=3deg/h over 100s; accel: N=60µg/√Hz, K=1e-4m/s²/√s"
 _IS_NUMBER = re.compile(r"[\wσ]+\s*=")
@@ -214,10 +195,9 @@ _PART = re.compile(
 
 
 def read_datasheet(text: str) -> dict[str, Values | Model]:
-    """Parse text with the noise numbers, or the noise model, of each axis: parts "SENSOR: SYMBOL=VALUE UNIT, …" with
-    ";" between them. The sensor is gyro, accel or an axis. A symbol is N, K, B, sigma, Q, R or T_c. "over 100s" after B
-    or sigma is the correlation time of a Gauss-Markov process. A part can also be a model with values. Raises an
-    OptionError if the text has another form, and a UnitError if a unit does not fit its symbol.
+    """Parse "SENSOR: SYMBOL=VALUE UNIT, …", separated by ";": gyro, accel or an axis; N, K, B, sigma, Q, R or T_c.
+
+    "over 100s" after B or sigma is a GM's correlation time. A part can be a model with values.
 
     >>> read_datasheet("gyro_x: N=60 deg/√h")["gyro_x"].N == read_datasheet("gyro_x: N=1 deg/s/√Hz")["gyro_x"].N
     True

@@ -1,8 +1,5 @@
-"""Read a file, into memory or as a stream, in the same way for every format; also an array of units, and tables in
-memory.
-
-The libraries of tables are recognised by their methods, so that none of them is imported.
-"""
+"""Read a file of any format into memory or as a stream, an array of units, or a table in memory. The library of a table
+is recognised by its methods and not imported."""
 
 from __future__ import annotations
 
@@ -18,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import DataError, OptionError, ReadError
-from gmwm.base.units import AXES, SI_UNIT, axis_quantity
+from gmwm.base.units import AXES, POSITIONS, SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import rows_between
 from gmwm.files.columns.axis_units import time_unit
 from gmwm.files.columns.column_names import named_unit, recognise, unit_of
 from gmwm.files.columns.columns import ColumnChoice, choose
 from gmwm.files.contract import Layout
 from gmwm.files.formats.arrays import Array, chunks_of, fields_of, layouts_of, part_of
+from gmwm.files.formats.series import SeriesReader
+from gmwm.files.formats.text import TextReader
 from gmwm.files.readers.builder import SampleBuilder, collect_samples
 from gmwm.files.readers.interpretation import Interpretation, RowSource, of_file, require_time, understand, warn
 from gmwm.files.readers.streams import CHUNK_SAMPLES, FileRows, HeldRows, Stream
@@ -231,6 +230,8 @@ class _OpenFile:
     def of(cls, path: Source, options: ReadOptions, *, in_memory: bool) -> _OpenFile:
         """Open a file."""
         file, reader = found_reader(path, options.format)
+        if type(reader) is TextReader and not set(POSITIONS).isdisjoint(options.columns or ()):
+            file, reader = found_reader(path, SeriesReader.name)
         layout = one_layout(reader, file, options.topic)
         choice = choose(layout, options.columns, file)
         require_time(layout, choice, options.rate, file)
@@ -322,8 +323,7 @@ def read_units(path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], 
 
 
 def numbered_columns(layout: Layout) -> dict[str, dict[str, int]]:
-    """Return the column of each axis of each unit, by the number of the unit in its name, if there are several. The
-    index in gyro[0], gyro[1], gyro[2] is an axis, not a unit."""
+    """Return axes' columns by unit number in names, if several; the index in gyro[0], gyro[1], gyro[2] is an axis."""
     units: dict[str, dict[str, int]] = {}
     for k, channel in enumerate(layout.channels):
         numbered = _unit_axis(channel.name)
@@ -351,8 +351,7 @@ _NAME = Path("the table")
 
 
 def is_table(data: object) -> bool:
-    """Return whether data are a data frame, an Arrow table, an xarray object, an array of records, or a mapping in
-    which some names are not axes or some values are missing.
+    """Return whether data are a data frame, Arrow table, xarray object, record array, or not only complete axes.
 
     >>> is_table(np.zeros((9, 6))), is_table(np.zeros(9, dtype=[("gyro_x", float)]))
     (False, True)

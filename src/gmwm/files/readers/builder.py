@@ -1,10 +1,7 @@
 """Build the samples of a recording from the rows of a file: in SI units, split at gaps, with a summary of all rows.
 
-Every row gets a temperature, by linear interpolation between the rows that have a reading, over the time stamps if they
-increase, and over the row numbers otherwise. Readings in rows without samples are used too. Rows before the first
-reading get the first reading. More than `MOST_ROWS_APART` rows without a reading get the last one before them. The
-result does not depend on how the rows are divided into chunks.
-"""
+Temperatures are interpolated between readings, also of rows without samples, by increasing time stamps or else row
+numbers. The first one serves before it, and the last one for over `MOST_ROWS_APART` rows. Chunks have no effect."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, axis_quantity, beyond_sensors
+from gmwm.base.units import beyond_sensors, si_unit
 from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
@@ -160,9 +157,7 @@ class RowSummary:
 
 
 class SampleBuilder:
-    """Builds the samples of a recording from its rows, starting at any row. `first` is the number of the first row that
-    will be added, `lost_before` whether the row before it is lost. With `owned`, the arrays of the rows are changed in
-    place, which saves a copy."""
+    """Builds samples from rows from `first` on; `lost_before`: the row before is lost; `owned` saves a copy."""
 
     def __init__(
         self, found: Interpretation, first: int = 0, lost_before: bool = False, *, owned: bool = False
@@ -170,8 +165,7 @@ class SampleBuilder:
         self._found, self._first, self._owned = found, first, owned
         self._known = KnownClock(found.timing, first)
         self._live = None if found.pace is None else RunningClock(found.pace)
-        # The rows whose segment is not known yet, a mask of the lost ones, and a mask of those after a row without a
-        # time stamp.
+        # Rows whose segment is not known yet, masks of lost ones, and of those after a row without a time stamp.
         self._waiting: dict[str, Vector] = {role: np.empty(0) for role in found.roles}
         self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
         self._came, self._segment, self._begun = first, 0, self._known.segment_at(first)
@@ -338,7 +332,7 @@ def collect_samples(parts: Sequence[Samples], found: Interpretation, base: TimeB
         axis: Signal(
             values=whole([part.values[axis] for part in parts]),
             rate=found.rate,
-            unit=SI_UNIT[axis_quantity(axis)],
+            unit=si_unit(axis),
             axis=axis,
             start=runs[0][1],
             segments=list(pairwise(edges)),

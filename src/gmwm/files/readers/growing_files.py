@@ -113,10 +113,8 @@ class GrowingPipe:
 
 
 class Lines:
-    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives. `breathe` is called
-    before each check for new data, and ends the reading if it returns False. `idle` is the time (s) without new data
-    after which reading ends, counted from the first check that finds none, because data can be available while the
-    caller processes earlier lines."""
+    """Complete lines of growing text. `breathe` is called before each check for data, and ends reading if False. `idle`
+    (s) counts from the first check without data, as the caller may work meanwhile."""
 
     def __init__(self, take: Take, breathe: Callable[[], bool], idle: float | None = None) -> None:
         self._take, self._breathe, self._idle, self.rest = take, breathe, idle, b""
@@ -205,9 +203,8 @@ class _LiveRows:
 
 
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
-    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once. Only rate,
-    columns, units, scale and increments of `options` are used. After `patience` seconds, `LEAST_HEAD_LINES` lines are
-    sufficient."""
+    """Make a stream, for one pass, from growing text after its first lines; `LEAST_HEAD_LINES` suffice after `patience`
+    (s). Of `options`, only rate, columns, units, scale and increments are used."""
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:

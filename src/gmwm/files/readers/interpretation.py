@@ -121,9 +121,8 @@ class RowSource(Protocol):
 def understand(
     layout: Layout, choice: ColumnChoice, rows: Rows, *, path: Path, options: ReadOptions, source: RowSource | None
 ) -> Interpretation:
-    """Find the working axes, the units and the clock of a recording. `rows` are all rows of a recording in memory, or
-    its first `HEAD_ROWS`. `source` is None for a live stream: its clock begins with the first rows, and no axis is left
-    out, because a few rows do not show whether it works."""
+    """Find working axes, units and clock from all rows in memory, or the first `HEAD_ROWS`. Without `source` (live), no
+    axis is left out, because a few rows do not show whether it works."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     constants = {} if source is None else _dead(rows, choice, source)
     axes = tuple(axis for axis in choice.axes if axis not in constants)
@@ -189,8 +188,7 @@ def understand(
 
 
 def _sparse(rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSource) -> dict[str, tuple[int, int]]:
-    """Return the axes that lack many values that other axes have, with the number of their values and of those of the
-    other axes. If the first rows have all values, `TimeColumn` finds such axes."""
+    """Return axes that lack many values, with counts of theirs and of the others'; `TimeColumn` finds later ones."""
     counts = values_of_axes([rows], choice.columns, axes)
     size = next(iter(rows.values())).size
     if size >= HEAD_ROWS and ("time" not in choice.columns or min(counts.values()) < size):
@@ -233,8 +231,7 @@ def _read_columns(choice: ColumnChoice, rows: Rows, column: TimeColumn | None, *
 def _first_samples(
     rows: Rows, choice: ColumnChoice, axes: Sequence[str], source: RowSource | None
 ) -> dict[str, Vector]:
-    """Return the values of each axis in the first rows, without rows that lack one of `axes`; if these are all of the
-    first rows, the values of the first 4096 rows after them."""
+    """Return each axis's first values, without incomplete rows, or from the 4096 rows after them."""
     first = _complete({k: column[:HEAD_ROWS] for k, column in rows.items()}, choice, axes)
     if source is None or next(iter(first.values())).size:
         return first
@@ -286,8 +283,7 @@ def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float |
 def _timing(
     layout: Layout, choice: ColumnChoice, options: ReadOptions, samples: int, stamps: Iterable[NDArray[Any]] | None
 ) -> tuple[Timing, tuple[Remark, ...]]:
-    """Return the time base, and remarks on the unit or form of the time stamps. Without `stamps`, the recording is one
-    segment of `samples` rows."""
+    """Return the time base and remarks on the stamps; without them, one segment of `samples` rows."""
     if stamps is None:
         if options.rate is not None or layout.rate is None:
             return timing_without_stamps(as_rate(options.rate), samples), ()
@@ -301,8 +297,7 @@ def _timing(
 
 
 class TimeColumn:
-    """The time stamps of all rows that the clock counts, in chunks, and the number of values of each axis in them. If
-    the first rows have all values, gmwm assumes that no row lacks all values."""
+    """Counted time stamps in chunks, and numbers of values per axis; complete first rows imply no empty row."""
 
     def __init__(self, source: RowSource, choice: ColumnChoice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes

@@ -1,9 +1,6 @@
-"""Divide a long recording into consecutive parts that can be read independently, in other processes or on other
-machines.
+"""Divide a long recording into consecutive parts that other processes or machines can read independently.
 
-A part has the name of the file, a range of rows, and the columns, units, rate and segments of the recording. When a
-part is read, a few rows before it are read too, to find out whether the sample before it is lost.
-"""
+A part has a range of rows and the recording's properties; rows before it show whether the last one there is lost."""
 
 from __future__ import annotations
 
@@ -28,32 +25,10 @@ SHORTEST_PART = 4096  # smallest number of rows of a part. Reading fewer rows ta
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Description of consecutive rows of a recording in a file. It is small and can be sent to other processes.
+    """Consecutive rows of a recording in a file, small enough to be sent to other processes. Iteration yields chunks.
 
-    Iteration yields the chunks of the part, as for a `Stream`. Segment 0 is the segment in which the previous part
-    ends, so a part directly after a gap begins with segment 1.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    bytes : int
-        Size of the file, to detect that it has changed.
-    format : str
-        Name of the reader.
-    topic : str or None
-        Name of the recording in the file; None if none was chosen.
-    found : Interpretation
-        Columns, units and rate from the first rows of the recording.
-    size : int
-        Largest number of samples in a chunk.
-    back, begin, end : Mark
-        Marks of a position before the part, of the beginning of the part, and of its end.
-    whole : bool
-        Whether the part is the whole recording.
-    skip_bad_lines : bool
-        Whether lines that cannot be read are lost samples.
-    """
+    Segment 0 is that in which the previous part ends, so a part after a gap begins with segment 1. `bytes` shows
+    changes of the file; `back`, `begin` and `end` are marks before the part, at its start and at its end."""
 
     path: Path
     bytes: int

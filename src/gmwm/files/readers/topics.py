@@ -1,10 +1,7 @@
-"""Choose the recording to read in a file that may hold several, and read several files that continue one another as
-one.
+"""Choose a recording in a file with several, and read several files that continue one another as one.
 
-The files of a pattern such as logs/hour_*.csv are sorted by the numbers in their names. The time stamps show how many
-samples are missing between two files. Without time stamps, this number is unknown, so the recording is split there and
-nothing is filled.
-"""
+Files of a pattern such as logs/hour_*.csv are sorted by the numbers in their names. Time stamps show the samples lost
+between files; without them, the recording is split there."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Covariance of the estimates by the sandwich formula Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ and D = ∂ν²/∂θ.
+"""Covariance of the estimates, Cov θ̂ = B V Bᵀ, with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ and the exact covariance V of ν̂².
 
-V is the exact covariance (J, J) of ν̂² at the estimate, and Ω the weighting matrix. The computation uses derivatives
-with respect to logarithms, θ ∂ν²/∂θ, because parameters differ by many powers of ten and their relative errors do not.
-"""
+Derivatives are by logarithms of the parameters, which differ by many powers of ten, unlike their relative errors."""
 
 from __future__ import annotations
 
@@ -13,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, freeze
-from gmwm.base.errors import ModelError
 from gmwm.base.text import Named
 from gmwm.fitting.estimation.linearised import columns_of, relative_covariance, relative_jacobian, sizes_of
 from gmwm.fitting.estimation.recordings import spread_of_mean
+from gmwm.fitting.estimation.weighting import no_noise
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.measuring.covariance.robust import rounding_bias
 from gmwm.theory.processes.model import Model
@@ -97,28 +95,18 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def noise_covariance(model: Model, design: Design) -> Matrix:
-    """Return the covariance V (J, J) of the wavelet variance; raises ModelError if the model has no noise at some
-    level."""
+    """Return the covariance V (J, J); raise ModelError if the model has no noise at some level."""
     wavelet = covariance(model, design)
     if not np.all(np.diag(wavelet) > 0):
-        raise no_noise(model)
+        raise no_noise(model.structure)
     return wavelet
-
-
-def no_noise(model: Model) -> ModelError:
-    """Return the error for a model whose wavelet variance has no random error at some level."""
-    return ModelError(
-        f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
-        advice="Use a model with noise at every level, for example with WN.",
-    )
 
 
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """Compute the covariance of estimates from Ω = `matrix` and V = `wavelet`. The parameters of a term that acts as
-    another process are not reported. The scale of a term that is estimated as zero is free, because its true value may
-    be positive; the standard errors of the other terms are then conservative."""
+    """Compute the covariance of estimates from Ω = `matrix` and V = `wavelet`, without terms that act as another. The
+    scale of a term estimated as zero is free, as its true value may be positive; other errors are then conservative."""
     columns, reported = columns_of(model, acts_as or {})
     values = sizes_of(model, columns)
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])

@@ -1,11 +1,7 @@
 """Tables of the wavelet variance of a process as a function of its only nonlinear parameter.
 
-The global search does not use formulas of processes. Its input is one vector for each process that is linear in its
-parameters, and one curve for the process with a free nonlinear parameter, such as the correlation time of a
-Gauss-Markov process. A point of the curve is a wavelet variance, weighted and scaled to length one. The curve is given
-by a table. Between the nodes of the table it is interpolated by cubics, and the table has bounds of the interpolation
-error.
-"""
+The global search uses no formulas: its input is a vector for each linear process, and a curve of weighted variances of
+length one for the process with a free parameter. A table has cubics between its nodes, and bounds of their error."""
 
 from __future__ import annotations
 
@@ -52,8 +48,7 @@ class ShapeGrid:
 
 @dataclass(frozen=True, eq=False)
 class UnitCurve:
-    """Curve of unit vectors with derivatives with respect to the position in cells. `margins` bounds the interpolation
-    error in each cell; −1 marks a cell that joins two branches."""
+    """Curve of unit vectors by position in cells; `margins` bound the interpolation error (−1: cell joins branches)."""
 
     values: Matrix
     slopes: Matrix
@@ -66,8 +61,7 @@ Place = tuple[Branch, float]  # point of a curve: a branch, and the search coord
 def shape_at(
     process: type[Process], parameters: Matrix, levels: Integers, rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves, one after
-    another."""
+    """Return the wavelet variances (n, J) for scale coefficient 1; the levels may belong to several curves."""
     if np.all(levels[1:] > levels[:-1]):
         return process.moments(parameters, levels, rate, filter)
     ascending, place = np.unique(levels, return_inverse=True)
@@ -86,7 +80,11 @@ def shapes(process: type[Process], places: list[Place], levels: Integers, rate: 
     """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
     if not places:
         return np.empty((0, levels.size))
-    parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
+    first, u = places[0][0], np.array([at for _, at in places])
+    if all(branch is first for branch, _ in places):
+        parameters = first.values(u)
+    else:
+        parameters = np.concatenate([branch.values(np.array([at])) for branch, at in places])
     return shape_at(process, parameters, levels, rate=rate, filter=filter)
 
 
@@ -98,9 +96,8 @@ def _grid(
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
     for index, branch in enumerate(branches):
-        # Distance of the nodes in the search coordinate, which is 2.5 % of β for a Gauss-Markov process. The relative
-        # error of the cubics is about 1e-9. It is the only error of the lower bound of the search.
-        # tests/estimation/test_atoms.py pins the table.
+        # 2.5 % of β for GM: the cubics' relative error, the only one of the lower bound, is 1e-9
+        # (tests/estimation/test_atoms.py).
         cells = max(2, int(np.ceil((branch.high - branch.low) / 0.025)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
         value = shape_at(process, branch.values(u), number, rate=rate, filter=filter)

@@ -1,9 +1,7 @@
 """Global search for the nonlinear parameters of processes that have one, called the curved processes.
 
-The search starts from a convex relaxation of the problem, which allows any number of these processes. Branch and bound
-over intervals of the search coordinate, on a tabulated curve, proves that no better fit exists. A refinement on the
-exact curve then gives all digits.
-"""
+A convex relaxation, with any number of these processes, gives the start. Branch and bound over the search coordinate of
+a tabulated curve proves that no better fit exists. A refinement on the exact curve gives all digits."""
 
 from __future__ import annotations
 
@@ -49,8 +47,7 @@ WIDTHS = (1e-2, 1e-3)
 
 @dataclass(frozen=True)
 class FittedTerm:
-    """Fitted process with free shape parameters `values`. The data cannot distinguish it from the process `acts_as`, if
-    any."""
+    """Fitted process with free shape parameters; `acts_as` is a process that the data cannot distinguish from it."""
 
     values: tuple[float, ...]
     scale: float
@@ -65,14 +62,12 @@ class Optimum:
     places: list[Place]
     weights: Vector
     ends: tuple[int, ...] | None = None
-    """For each place, the end of its branch that the data cannot distinguish from it: 1 for the high end, −1 for the
-    low end, 0 for neither. None if this is unknown."""
+    """For each place, the indistinguishable end of its branch: 1 (high), −1 (low) or 0; None if unknown."""
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Result of a global search: the optimum, lower bounds from branch and bound and from the convex relaxation, the
-    objective of the best candidate on the tabulated curve, and the number of nodes of the search tree."""
+    """Optimum, lower bounds of the tree and the relaxation, best tabulated objective, and number of nodes."""
 
     best: Optimum
     bound: float
@@ -102,8 +97,7 @@ class Search:
         return SearchResult(self.snap_to_ends(best), bound, relaxed, table=least, nodes=nodes)
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Search the tabulated curve; return objectives and positions of local optima, the best first, both bounds and
-        the nodes."""
+        """Search the tabulated curve; return objectives and places of local optima, best first, bounds and nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -112,8 +106,7 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Return the positions of the starting values on the tabulated curve; empty unless every curved process has
-        one."""
+        """Return the starting values on the tabulated curve; empty unless every curved process has one."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -195,8 +188,7 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[FittedTerm, ...]:
-        """Return the curved processes of an optimum and, if `ends`, the process that the data cannot distinguish from
-        each."""
+        """Return the curved processes of an optimum and, if `ends`, the processes that fit as well as them."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
@@ -210,8 +202,7 @@ class Search:
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
-        """Return the name of the process at an end of the branch that fits as well as the curved process `index`, if
-        any."""
+        """Return the process at an end of the branch that fits as well as the curved process `index`, if any."""
         branch, u = best.places[index]
         if best.ends is not None:
             return {1: branch.high_acts_as, -1: branch.low_acts_as}.get(best.ends[index])
@@ -229,9 +220,8 @@ class Search:
 def newton_places(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
-    """Refine the places of a local optimum by at most `steps` Newton steps, none longer than `reach`; None if they
-    diverge. |target − Σ w a − Σ x g(u)|² is minimised over the weights w and x of the linear and curved processes and
-    the places u. Weights of zero and places at an end do not change."""
+    """Refine the places of a local optimum by up to `steps` Newton steps within `reach`; None if they diverge. |target
+    − Σ w a − Σ x g(u)|² is minimised over w, x and u; weights of zero and places at an end stay."""
     linear = len(problem.linear)
     moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
     if not moving.any() or np.any(weights[linear:] <= 0):
@@ -253,8 +243,7 @@ def newton_places(
         places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
         if not np.all(np.abs(moves) <= reach) or any(not b.low <= u <= b.high for b, u in places):
             return None
-        # Change of the search coordinate below which the iteration ends. It is near the rounding error of the
-        # parameter.
+        # Near the rounding error of the parameter.
         if np.all(np.abs(moves) < 1e-12):
             break
     return places
@@ -281,8 +270,7 @@ def _step(
 
 
 def _derivatives(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the weighted wavelet variances (n, J) of the curved processes at places, and their derivatives with
-    respect to u."""
+    """Return the weighted variances (n, J) of the curved processes at places, and their derivatives by u."""
     # Step of the finite differences that give second derivatives. Their errors only slow the convergence.
     count, d = len(places), 1e-3
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]

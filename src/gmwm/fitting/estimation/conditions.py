@@ -1,10 +1,8 @@
 """Fit one model to recordings at known conditions, such as the rates of a turntable or the plateaus of a chamber.
 
-The variance of a term at the condition c is Σ_m s_m φ_m(c), with known functions φ_m ≥ 0 and unknown coefficients
-s_m ≥ 0. The curves of all conditions, one after another, are therefore a non-negative sum of known vectors. The problem
-is solved like the problem for one curve, with the same certificate. A shape that follows the condition by a link,
-β(c) = exp(a + b c), is searched over a and b on a bounded grid, without a certificate.
-"""
+With the variance Σ_m s_m φ_m(c) of a term at the condition c, known φ_m ≥ 0 and unknown s_m ≥ 0, the curves of all
+conditions are a non-negative sum of known vectors, solved and certified as one curve. A shape that follows a link, β(c)
+= exp(a + b c), is searched over a bounded grid of a and b, without a certificate."""
 
 from __future__ import annotations
 
@@ -49,11 +47,10 @@ class Follows:
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """Measured curves of all conditions, one after another, and a model. `factors` has, for the index of each process
-    that varies, the means (m, S, J, K) of its functions φ_m over K equal parts of each level of each curve, and
-    `follows` the link of each process whose shape follows the condition. J = 1 if all levels have the same parts.
-    `whole`, if any, is the curve of a recording in which the conditions are bins with the shares `shares`; its levels
-    above those of the curves come last."""
+    """Measured curves of all conditions, one after another, and a model.
+
+    `factors` are, for processes that vary, means (m, S, J, K) of φ_m over K parts of each level (J = 1 if equal), and
+    `follows` links of shapes. `whole` is the curve of a recording with `shares` in bins, for its higher levels."""
 
     model: Model
     curves: tuple[WaveletVariance, ...]
@@ -98,8 +95,7 @@ class Stack:
 
     @cached_property
     def shapes(self) -> Matrix:
-        """Wavelet variances (rows, levels of all curves) that each linear coefficient multiplies: means over the parts
-        of each curve."""
+        """Wavelet variances (rows, levels of all curves) of each linear coefficient: means over the parts."""
 
         def shape(place: int, m: int, s: int, wv: WaveletVariance) -> Vector:
             process, filter = self.model.processes[place], find_filter(wv.filter)
@@ -109,13 +105,21 @@ class Stack:
                 weights = phi[_parts_of(wv, len(phi))]
             if follow is None:
                 return np.asarray(np.mean(weights, axis=1) * unit_shape(process, wv.levels, wv.rate, filter))
-            u = follow.u[s]
-            theta = follow.link.values(process, follow.a + follow.b * u.reshape(-1, 1))
-            values = process.moments(theta, wv.levels, wv.rate, filter).reshape(*u.shape, len(wv))
-            return np.asarray(np.mean(weights * values[_parts_of(wv, len(u)), :, np.arange(len(wv))], axis=1))
+            part = moments[place][s, _parts_of(wv, follow.u.shape[1]), :, wv.levels - 1]
+            return np.asarray(np.mean(weights * part, axis=1))
 
+        moments = {place: self._moments(place, follow) for place, follow in self.follows.items()}
         rows = [self.each(partial(shape, place, m)) for place, m in self.rows]
         return np.array(rows).reshape(len(self.rows), self.levels.size)
+
+    def _moments(self, place: int, follow: Follows) -> NDArray[np.float64]:
+        """Return the wavelet variances (S, J, K, L) of a process at the conditions of each part, at the levels 1 to
+        L."""
+        process, first = self.model.processes[place], self.curves[0]
+        theta = follow.link.values(process, follow.a + follow.b * follow.u.reshape(-1, 1))
+        levels = np.arange(1, int(self.levels.max()) + 1)
+        values = process.moments(theta, levels, first.rate, find_filter(first.filter))
+        return values.reshape(*follow.u.shape, levels.size)
 
     def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""
@@ -191,9 +195,8 @@ class Stack:
         return np.asarray(curve)
 
     def covariance(self, solution: Solution) -> Matrix:
-        """Return the covariance V of all measured curves, which are independent of each other. V is the mean over the
-        parts, because the squares of their variances count, and not the square of the mean. A level of the whole
-        recording has the same covariance with a level in a bin as in a recording at the conditions of the bin."""
+        """Return the covariance V of all measured, independent curves: means over the parts, as squares of their
+        variances count. A whole recording has the same covariance with a bin as a recording at the bin's conditions."""
         parts = self.parts(solution)
         result = _blocks(_mean_covariance(models, wv) for models, wv in zip(parts, self.curves, strict=True))
         if self.whole is None or self.coarse is None:
@@ -215,9 +218,8 @@ class Stack:
         return _blocks(blocks)
 
     def slopes(self, solution: Solution) -> tuple[list[tuple[int, str | int]], Matrix]:
-        """Return the names and the columns of the derivatives of the curves: ∂ν²/∂s for the linear coefficients s, then
-        relative ones of terms with free shapes. The shape of a term that acts as another process or is zero has
-        none."""
+        """Return names and columns of ∂ν²/∂s of linear coefficients, then relative ones of free shapes (none for terms
+        that are zero or act as another process)."""
         _, shaped, _ = by_kind(self.model)
         names: list[tuple[int, str | int]] = list(self.rows)
         columns = list(self.shapes)
@@ -257,8 +259,7 @@ class SolvedStack:
 
 
 def _shape(process: Process, theta: Matrix, _: int, wv: WaveletVariance) -> Vector:
-    """Return the wavelet variance of a process with the shape `theta` (1, q) and the scale 1 at the levels of a
-    curve."""
+    """Return the wavelet variance of a process with the shape `theta` (1, q) and scale 1 at a curve's levels."""
     return np.asarray(process.shape(theta, wv.levels, wv.rate, find_filter(wv.filter))[0])
 
 
@@ -291,8 +292,7 @@ def fit_conditions(
     model: Model, curves: Mapping[float, WaveletVariance], varies: Mapping[str, str], *, weighting: str = "diagonal",
     certify: bool = True, bins: ConditionBins | None = None,
 ) -> ConditionsFit:  # fmt: skip
-    """Fit a model to the wavelet variances of recordings at known conditions, or of the `bins` of one recording; see
-    `gmwm.fit`."""
+    """Fit a model to recordings at known conditions, or to the `bins` of one recording; see `gmwm.fit`."""
     functions, links, name = parse_varies(varies)
     _check(model, curves, functions, links)
     parts = np.array(list(curves)).reshape(-1, 1, 1, 1) if bins is None else bins.parts
@@ -390,8 +390,7 @@ def _settle(stack: Stack, weighting: str, *, certify: bool) -> SolvedStack:
 
 
 def _search(stack: Stack, matrix: Matrix) -> Stack:
-    """Return the stack with the link that minimises the objective under fixed weights: the best points of a bounded
-    grid, or the previous link, refined."""
+    """Return the stack with the best link under fixed weights: refined from a bounded grid or the previous link."""
     ((place, follow),) = stack.follows.items()
     low, high = follow.link.limits(stack.model.processes[place], stack.samples, stack.curves[0].rate)
 
@@ -415,8 +414,7 @@ def _search(stack: Stack, matrix: Matrix) -> Stack:
 
 
 def _estimates(solved: SolvedStack, functions: Mapping[str, Varies], turn: Matrix) -> dict[str, Estimate]:
-    """Return the estimated parameters and coefficients by name, with standard errors from the sandwich formula. `turn`
-    (2, 2) gives the coefficients of a link per unit of the condition from those of the scaled condition."""
+    """Return estimates with sandwich standard errors; `turn` (2, 2) turns link coefficients to unscaled conditions."""
     stack, solution = solved.stack, solved.solution
     names, columns = stack.slopes(solution)
     spread = relative_covariance(columns, solved.problem.matrix, solved.covariance)
@@ -478,8 +476,7 @@ def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
 
 
 def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
-    """Return the p-value of the hypothesis that no term varies, from the residuals of a constant model that functions
-    and changes of shapes explain."""
+    """Return the p-value that no term varies, from the residuals of a constant model that functions explain."""
     short = _short(solved.stack)
     constant = _settle(replace(short, model=model, factors={}, follows={}), weighting, certify=False)
     names, slopes = constant.stack.slopes(constant.solution)
@@ -496,8 +493,7 @@ def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
 
 
 def _misfit(solved: SolvedStack, further: Matrix | None = None) -> tuple[float, int]:
-    """Return the weighted sum of squares of the residuals that the derivatives and the columns `further` do not
-    explain, and the rank of these columns."""
+    """Return the weighted square of residuals beyond derivatives and `further` columns, and their rank."""
     stack = solved.stack
     root = square_root(precision(solved.covariance))
     _, columns = stack.slopes(solved.solution)

@@ -1,8 +1,4 @@
-"""Wavelet information criterion: the expected loss of a fitted model on another recording.
-
-The objective of a fit is smaller for its own data than for other data, on average by the optimism. The criterion is the
-objective plus the optimism.
-"""
+"""Wavelet information criterion, the expected loss of a fit on another recording: its objective plus its optimism."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
@@ -105,8 +101,7 @@ def wic(
 
 
 def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float:
-    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V = `wavelet`, D = ∂ν²/∂θ and H = DᵀΩD − Σ_k
-    [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ. `weights` are the weights of the fit, if other fits share them."""
+    """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV], D = ∂ν²/∂θ, H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, first order."""
     wv = fit.wavelet_variance
     root = (Weights(fit.weighting_matrix) if weights is None else weights).root
     design = Design.of(wv)
@@ -134,9 +129,7 @@ def _inverse(hessian: Matrix) -> Matrix | None:
     return np.asarray((axes / strength) @ axes.T)
 
 
-def _derivatives(
-    fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
-) -> tuple[Matrix, Matrix]:
+def _derivatives(fit: Fit, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector) -> tuple[Matrix, Matrix]:
     """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
@@ -160,20 +153,18 @@ def _derivatives(
 
 
 def _of_process(
-    process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector,
+    process: Process, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:  # fmt: skip
-    """Return the derivatives of `_derivatives` for one process: the scale coefficient, then the parameters with indices
-    `free`."""
+    """Return `_derivatives` of one process: by the scale coefficient, then by the parameters `free`."""
     if not process.nonlinear_parameters():
         return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0] if free.size else at
     for i, k in enumerate(free):
-        # Relative step of the nonlinear parameters for second derivatives by central differences of first derivatives.
-        # ε^(1/4), with the machine precision ε, is the best order of magnitude. tests/inference/test_criterion.py
-        # compares the criterion with the bootstrap.
+        # ε^(1/4) is the best order of magnitude of central differences (tests/inference/test_criterion.py, by
+        # bootstrap).
         steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
     shape = process.moments(at.reshape(1, -1), levels, rate, filter)[0]
@@ -191,8 +182,7 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated wavelet variances and the curves fitted to them
-    (B, J)."""
+    """Compute the optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from B simulated curves and the fitted ones (B, J)."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -201,8 +191,7 @@ def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> floa
 def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
-    """Return the wavelet variances ν(θ̂*) (B, J) of the models fitted to `variances` (B, J). `known` (J,) is the
-    wavelet variance of the processes that are entirely fixed."""
+    """Return ν(θ̂*) (B, J) of models fitted to `variances` (B, J); `known` (J,) is that of fixed processes."""
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)

@@ -273,8 +273,7 @@ def _with_weight(weighting: Weighting, wv: WaveletVariance) -> tuple[Weighting, 
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: OneOrSeveral) -> First:
-    """Return the solver that starts from random draws, with drifts in proportion to the range of the samples or to the
-    slope."""
+    """Return the solver that starts from random draws, with drifts scaled by the range of samples or the slope."""
     if isinstance(data, WaveletVariance) or wv.recordings:
         spread = abs(wv.slope or 0.0)
     else:
@@ -300,8 +299,7 @@ def measure(
     data: OneOrSeveral, rate: float | None, robust: bool, efficiency: float, against: Against = None,
     moments: str = "haar",
 ) -> WaveletVariance:  # fmt: skip
-    """Return the wavelet variance to which a model is fitted, pooled for several recordings. Raises OptionError if an
-    option contradicts the data."""
+    """Return the wavelet variance to fit, pooled for several recordings; OptionError if options contradict the data."""
     conditions = Asked.of(against)
     if conditions.terms and moments != "haar":
         raise OptionError(

@@ -1,7 +1,4 @@
-"""Compiled version of the search of `branch_and_bound` for processes with exponential autocovariances, and of the
-iteration of diagonal weights for sums of these and simple processes. The kernel knows their wavelet variances.
-tests/estimation/test_exponential_search.py compares its results with the results of `branch_and_bound`.
-"""
+"""Compiled `branch_and_bound` and iterated weights (compared in tests/estimation/test_exponential_search.py)."""
 
 from __future__ import annotations
 
@@ -50,8 +47,7 @@ if TYPE_CHECKING:
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search for the curved processes, by the kernel if it knows them. Their class must define `search`
-    itself, because a subclass that inherits it may have another wavelet variance."""
+    """Return the search, by the kernel if the class itself defines `search`: subclasses may have another variance."""
     kind = problem.curved_class
     assert kind is not None
     closed = problem.filter is HAAR and "search" in vars(kind)
@@ -116,8 +112,7 @@ _KINDS = ("white", "walk", "spike", "drift")
 
 
 def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | None:
-    """Return the search whose kernel can iterate the weights; None if the covariance of a process is not in the
-    kernel."""
+    """Return the search whose kernel can iterate the weights; None if it lacks a process's covariance."""
     if not design.running_sum or design.efficiency is not None or any(stride > 1 for stride in design.strides):
         return None
     if problem.free or not problem.curved or len(problem.linear) + len(problem.curved) < len(problem.model.processes):
@@ -129,8 +124,7 @@ def search_for_weights(problem: Problem, design: Design) -> ExponentialSearch | 
 
 
 def _kind(process: Process) -> int | None:
-    """Return the number by which the kernel knows a process without a shape, from its attribute `elementary`; else
-    None. The attribute is not inherited, because a subclass may have another `coefficient_covariance`."""
+    """Return the kernel's number of a process by its own `elementary`, as a subclass may differ; else None."""
     form = vars(type(process)).get("elementary")
     return None if form is None else _KINDS.index(form)
 
@@ -138,8 +132,7 @@ def _kind(process: Process) -> int | None:
 def reweight(
     search: ExponentialSearch, solution: Solution, design: Design, options: Vector
 ) -> tuple[Optimum, Vector, float, float] | None:
-    """Iterate the estimate and the weights 1 / V_jj from `solution`, with a design for weights. `options` (7,) are
-    PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED of `gmwm.estimation.reweighting`."""
+    """Iterate estimate and weights 1 / V_jj; `options` are PRIOR, FIXED, FAR, CUTOFF, ROUNDS, HOPE and MIXED."""
     problem, processes = search.problem, search.problem.model.processes
     linear = [processes[place] for place in problem.linear]
     counts, added = design.counts, design.added

@@ -11,10 +11,10 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
-from gmwm.fitting.estimation.asymptotic import no_noise, sandwich_of
+from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
-from gmwm.fitting.estimation.weighting import precision
+from gmwm.fitting.estimation.weighting import no_noise, precision
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
@@ -115,7 +115,7 @@ def _intervals(
         as_draws(draws, least_draws(level), f"an interval of {100 * level:g} %")
         drawn = bootstrap(fit, draws, seed)
         if not np.all(np.ptp(drawn.variances, axis=0) > 0):
-            raise no_noise(fit.model)
+            raise no_noise(fit.model.structure)
         two_sided = drawn.quantiles((1 - level) / 2, (1 + level) / 2)
     else:
         two_sided = _asymptotic(fit, level, covariance)
@@ -135,8 +135,7 @@ def _intervals(
 
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
-    """Return a copy of a fit with quick intervals, for models with little weight in a comparison: upper limits ĉ + z
-    SE(ĉ) are not iterated."""
+    """Return a fit with upper limits ĉ + z SE(ĉ), not iterated, for models of little weight in a comparison."""
     key = (level, "asymptotic", DRAWS, 0)
     if key in fit.__dict__.get("_intervals", {}):
         return fit
@@ -200,8 +199,7 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """Return the interval of a parameter for an estimate and a half width `reach`, symmetric after a transformation
-    (logarithm or artanh) that keeps its ends inside the domain of the parameter."""
+    """Return an interval with half width `reach`, symmetric after a logarithm or artanh that respects the domain."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -251,9 +249,8 @@ def _no_covariance(what: str, got: object) -> OptionError:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """Return the upper limit of a scale parameter, at which an estimate as small as the actual one has the probability
-    (1 − level)/2. It solves c = ĉ + z SE(c), because the standard error increases with c. c times the curve of the
-    process is at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J)."""
+    """Return the upper limit c = ĉ + z SE(c) of a scale, where a smaller estimate has the probability (1 − level)/2. c
+    times the process's curve is at most each level's upper chi-square limit, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
     name = f"{term}.{parameter.name}"
@@ -296,8 +293,7 @@ def _added_error(fit: Fit, name: str) -> float:
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Return the fixed point of the line through the last two points (x, f(x)), or the last f(x) if this line is too
-    steep."""
+    """Return the fixed point of the line through the last two (x, f(x)), or the last f(x) if it is too steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value

@@ -40,8 +40,7 @@ def usable_in(design: Design) -> Booleans:
 
 
 def parameter_gain(weighted: Matrix) -> tuple[Matrix, Booleans]:
-    """Return the pseudoinverse (p, J) of a weighted Jacobian LD (J, p), and a mask (p,) of the undetermined
-    parameters."""
+    """Return the pseudoinverse (p, J) of a weighted Jacobian (J, p), and a mask (p,) of undetermined ones."""
     length = np.linalg.norm(weighted, axis=0)
     seen = length > 0
     axes, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
@@ -54,8 +53,7 @@ def parameter_gain(weighted: Matrix) -> tuple[Matrix, Booleans]:
 
 
 def square_of_rest(left: Vector, slopes: Matrix) -> tuple[float, int]:
-    """Return the squared length of the part of a vector (J,) orthogonal to columns (J, p), and the rank of the
-    columns."""
+    """Return the squared length of a vector (J,) orthogonal to columns (J, p), and their rank."""
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR_SINGULAR_VALUE * strength.max(initial=0.0)

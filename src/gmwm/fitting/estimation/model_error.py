@@ -1,10 +1,7 @@
 """Relative error of a model, which is the part of its difference from the data that chance does not explain.
 
-If a recording is long enough, a goodness-of-fit test rejects every model. The error τ of a model is estimated as in
-random-effects models: the model is wrong at each level by a random factor 1 ± τ, independently of the other levels, in
-addition to the errors of the data. τ is chosen so that the chi-square statistic equals its expectation (Paule and
-Mandel 1982).
-"""
+For long recordings, a goodness-of-fit test rejects every model. As in random-effects models, each level is wrong by an
+independent factor 1 ± τ, so that the chi-square statistic equals its expectation (Paule and Mandel 1982)."""
 
 from __future__ import annotations
 
@@ -35,9 +32,8 @@ COARSE_TEST_SIZE = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RelativeMisfit(FrozenArrays, Documented):
-    """Relative difference between a model and its data. `distance` (J,) is d = ν²/ν̂² − 1 at each level, `error` (J,)
-    the relative standard error s of the data, and `judged` (J,) marks the levels with more than 30 degrees of freedom.
-    `largest` and `rms` summarise √max(d² − s², 0) over these levels; `tau` (s) is the scale of the largest."""
+    """Relative difference between a model and its data: d = ν²/ν̂² − 1 (`distance`), its standard error s, and levels
+    with over 30 degrees of freedom (`judged`), of which `largest` and `rms` summarise √max(d² − s², 0)."""
 
     distance: Vector
     error: Vector
@@ -84,8 +80,7 @@ def implausible_levels(fit: Fit, size: float = COARSE_TEST_SIZE) -> np.ndarray[A
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ, at most 1, of a fit; 0 if chance explains the difference from the data. The model
-    is fitted with the weights that follow from τ, and τ is estimated again (Paule and Mandel 1982)."""
+    """Estimate τ ≤ 1 of a fit, refitted with the weights of τ (Paule and Mandel 1982); 0 if chance explains all."""
     error = Distance.of(fit).error()
     # Largest number of fits with weights that follow from the error.
     for _ in range(2 if error else 0):
@@ -112,8 +107,7 @@ def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Residuals ν̂² − ν² (`left`), covariance V, derivatives of ν² with respect to the logarithms of the parameters (J,
-    p) and fitted curve, at the J levels of the goodness-of-fit test."""
+    """Residuals `left`, covariance V, relative derivatives (J, p) and fitted curve of the goodness-of-fit test."""
 
     left: Vector
     scatter: Matrix
@@ -139,8 +133,7 @@ class Distance:
 
     @property
     def surely(self) -> float:
-        """p-value if every level counted as a degree of freedom, an upper bound for models made of some of the
-        terms."""
+        """p-value with every level as a degree of freedom, an upper bound for models of some of the terms."""
         return float(scipy.special.gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
 
     @property
@@ -149,8 +142,7 @@ class Distance:
         return float(scipy.special.gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
 
     def statistic(self, error: float) -> float:
-        """Compute the chi-square statistic of the residuals that the parameters do not explain, for a relative model
-        error."""
+        """Compute the chi-square statistic of the residuals beyond the parameters, for a relative model error."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
         return square_of_rest(root @ self.left, root @ self.slopes)[0]
 

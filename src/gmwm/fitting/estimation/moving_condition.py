@@ -1,8 +1,7 @@
 """Divide a recording during which a condition changes into bins of nearly constant condition.
 
-The coefficients of a bin are those whose samples all have a condition in the bin, so that a term with the variance
-Σ_m s_m φ_m(c) has the wavelet variance Σ_m s_m φ̄_m ν² there, with the mean φ̄_m over the samples of the bin. Levels
-whose coefficients are longer than the time in a bin come from the whole recording."""
+Coefficients whose samples are all in a bin have the variance Σ_m s_m φ̄_m ν², with the mean φ̄_m over its samples.
+Levels too long for a bin come from the whole recording."""
 
 from __future__ import annotations
 
@@ -23,20 +22,17 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.signals import Signal
 
 BINS = 8
-"""Number of bins with equal numbers of samples. A correlation time that changes by a factor of 10 changes by 1.3 in a
-bin (tests/estimation/test_moving.py)."""
+"""Bins of equal size; a time constant that changes by 10 changes by 1.3 in one (tests/estimation/test_moving.py)."""
 PARTS = 4
-"""Number of parts of a bin over which the curve of the model is averaged. The outer bins of an irregular condition are
-wide: the curve at the mean condition may differ from the mean by 2 %, that of four parts by less than 0.6 %
-(tests/estimation/test_moving.py)."""
+"""Parts of a bin for the mean curve: outer bins are wide, and the curve at their mean condition may be 2 % off, with
+four parts less than 0.6 % (tests/estimation/test_moving.py)."""
 SHORTEST = 16  # number of samples over which the condition is averaged before it is assigned to a bin
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionBins:
-    """Curves of a recording whose condition moves. `conditions` holds the conditions of the samples of each bin,
-    `parts` (bins, levels, 4, 16) those of the coefficients of each level in ascending order, and `whole` the curve of
-    the whole recording at all levels, of which those above the bins are used."""
+    """Curves of a recording by condition: `conditions` of samples by bin, `parts` (bins, levels, 4, 16) of coefficients
+    in ascending order, and the curve of the `whole` recording."""
 
     curves: tuple[WaveletVariance, ...]
     conditions: tuple[Vector, ...]
@@ -75,8 +71,7 @@ def condition_of(signal: Signal, condition: Against) -> tuple[CovariateTerm, Cov
 
 
 def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: float) -> tuple[str, ConditionBins]:
-    """Remove the effect of a condition on the mean, and measure the curves of its bins. Raises DataError if the
-    condition is constant, or leaves its bins within 16 samples."""
+    """Remove a condition's effect on the mean, and measure the bins; it must vary, and stay over 16 samples."""
     term, covariates, values = condition_of(signal, condition)
     residual = without(signal, regress(signal, covariates), covariates)
     whole = wavelet_variance(residual, robust=robust, efficiency=efficiency)
@@ -104,9 +99,8 @@ def divide(signal: Signal, condition: Against, *, robust: bool, efficiency: floa
 
 
 def _quantiles(values: Vector, runs: list[tuple[int, int]], width: int) -> NDArray[np.float64]:
-    """Return quantiles (4, 16) of the conditions of the coefficients of `width` samples in the runs of a bin. Each
-    sample counts as often as coefficients contain it. Long coefficients are in long stays only, which are the further
-    inside of a bin the longer they are."""
+    """Return quantiles (4, 16) of the conditions of coefficients of `width` samples, by their numbers: long ones are
+    only in long stays, further inside a bin."""
     long = [(a, b) for a, b in runs if b - a >= width]
     conditions = np.concatenate([values[a:b] for a, b in long])
     weights = []

@@ -22,13 +22,11 @@ ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Problem of estimating the non-negative scales of all processes and the shapes of some. The objective (ν̂ − ν)ᵀ Ω
-    (ν̂ − ν) equals `unit`² |target − Σ c a − Σ x g|², with unit vectors a of processes of known shape and g of free
-    shape; c and x are proportional to the scales. `unit` is a power of two, so that data scaled by a power of two give
-    the same problem. `linear`, `curved` and `free` are indices of processes without a free shape, with one that branch
-    and bound searches (all of one class), and of the others, sorted by name. `shapes` (n linear, J) are wavelet
-    variances for scale coefficient 1. `observed` (J,) is ν̂² minus the wavelet variance of processes that are entirely
-    fixed. Problems that share `weights` share what depends on Ω only."""
+    """Problem of estimating non-negative scales of all processes and the shapes of some.
+
+    (ν̂ − ν)ᵀ Ω (ν̂ − ν) = `unit`² |target − Σ c a − Σ x g|², with unit vectors a (known shape) and g (free). `unit` is
+    a power of two, so that scaled data give the same problem. Indices `linear`, `curved` (branch and bound, one class)
+    and `free` are sorted by name. `shapes` are for scale coefficient 1; `observed` is ν̂² minus fixed processes."""
 
     model: Model
     levels: Integers
@@ -97,8 +95,7 @@ class Problem:
         return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
     def scales(self, shapes: Matrix, weights: Vector) -> Vector:
-        """Return the scale coefficients from the coefficients (c or x) of unit vectors; `shapes` are for scale
-        coefficient 1."""
+        """Return the scale coefficients from c or x of unit vectors; `shapes` are for scale coefficient 1."""
         return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
 
 
@@ -142,8 +139,7 @@ def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
 
 
 def unit_shape(process: Process, levels: Integers, rate: float, filter: WaveletFilter) -> Vector:
-    """Return the wavelet variance (J,), for scale coefficient 1, of a process with a known shape; ModelError if it is
-    zero."""
+    """Return the variance (J,) of a known shape for scale coefficient 1; ModelError if it is zero."""
     return _unit_shape(process, tuple(levels.tolist()), rate, filter)
 
 
@@ -167,8 +163,7 @@ def to_find(process: Process) -> tuple[int, ...]:
 
 
 def divide_shaped(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Divide processes with a free shape into those that branch and bound searches, all of the class with the most
-    terms, and others."""
+    """Divide processes with a free shape into those of the class with most terms (branch and bound) and others."""
     kinds = {place: type(model.processes[place]) for place in shaped}
     with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
     chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)

@@ -1,14 +1,7 @@
 """Deviations of the parameters of single recordings from a fit to all of them, by linearisation near the estimate.
 
-The curve of recording r differs from the fitted curve by z_r. Let V_r be the covariance of the curve of the recording
-under the fitted model, and D_r the derivatives of the curve with respect to the logarithms of the parameters. The
-deviation of the logarithms of the parameters of this recording is
-
-    δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r,   Cov δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹.
-
-It is one step of a fit to this recording alone. V_r does not come from a fit to recording r alone, because a recording
-whose variance is low by chance would then have too large a weight.
-"""
+The logarithms of recording r, whose curve differs by z_r, deviate by δ_r = (D_rᵀ V_r⁻¹ D_r)⁻¹ D_rᵀ V_r⁻¹ z_r, Cov δ_r =
+(D_rᵀ V_r⁻¹ D_r)⁻¹. V_r comes from the common fit: low variances would get too large weights."""
 
 from __future__ import annotations
 
@@ -40,11 +33,10 @@ EQUAL_WIDTH_LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations(FrozenArrays):
-    """Deviations of R recordings from a pooled fit, and the test that all have the same p parameters `names`. `values`
-    (R, p) are δ_r, relative to the estimate, and `covariances` (R, p, p) their covariances without a spread; NaN and
-    infinite if a recording does not determine a parameter. They account for `model_error`, the relative difference at
-    each level that the parameters do not describe. `statistic` is the goodness-of-fit statistic with equal parameters
-    minus the sum of those with separate ones, with `df` degrees of freedom."""
+    """Relative deviations δ_r (R, p) from a pooled fit, and the test that recordings have the same parameters.
+
+    `covariances` (infinite if undetermined) exclude a spread but include `model_error`, the relative difference beyond
+    parameters. `statistic` is that of equal minus those of separate parameters, with `df` degrees of freedom."""
 
     recordings: tuple[str, ...]
     names: tuple[str, ...]
@@ -81,9 +73,8 @@ class Deviations(FrozenArrays):
 
     @property
     def of_mean(self) -> Matrix:
-        """Covariance (p, p) that the spread between recordings adds to the covariance of the pooled estimate, whether a
-        test finds a spread or not. Without a spread, intervals are four times as wide for two recordings, twice for
-        three, and 1.3 times for five (docs/validation/recordings.md)."""
+        """Covariance (p, p) of the mean by the spread, whether significant or not. Without one, intervals are 4 (two
+        recordings), 2 (three) or 1.3 (five) times as wide (docs/validation/recordings.md)."""
         information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
         informed = information > 0
         half = half_widths(self.values.T[informed], self.variances.T[informed])
@@ -94,8 +85,7 @@ class Deviations(FrozenArrays):
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
-    """Return the half widths (m,) of the 95 % intervals of the means of m samples of n values `x` with variances `s2`
-    (m, n)."""
+    """Return half widths (m,) of 95 % intervals of means of samples `x` (m, n) with variances `s2`."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
     half = NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2) * alone.error
     several = alone.count > 1
@@ -114,8 +104,7 @@ def deviations(fit: Fit) -> Deviations:
 
 
 class _RecordingData(NamedTuple):
-    """Data of the K usable levels of one recording r: its index, the fitted curve, the differences of its curve from
-    the fitted (`left`) and from the pooled curve (`apart`), V_r (`scatter`) and D_r (`slopes`)."""
+    """Usable levels of recording r: difference from the fitted (`left`) and pooled curve (`apart`), V_r and D_r."""
 
     place: int
     curve: Vector

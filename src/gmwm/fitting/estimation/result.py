@@ -156,10 +156,8 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         if self.weighting not in REWEIGHTED:
             return Fit.of(settle(self.model, wv, "diagonal", certify=False), wv, "diagonal")
         settled = settle(
-            # Relative change of the fitted curve below which `Fit.refit` stops. It is smaller than the relative
-            # standard error √(2/N) of ν̂² for the longest recording that `gmwm.plan` accepts, which has 2⁴⁰ samples.
-            # Largest number of iterations of `Fit.refit`, each of which ends with a search. Only models that do not
-            # describe the data need more (tests/estimation/test_weights.py).
+            # The change is below the relative error √(2/N) at 2⁴⁰ samples, `gmwm.plan`'s limit. Only models that do not
+            # describe the data need more iterations (tests/estimation/test_weights.py).
             self.model, wv, self.weighting, certify=False, start=self.model, fixed=1e-6, returns=2,
             first=solve_near, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
         )  # fmt: skip

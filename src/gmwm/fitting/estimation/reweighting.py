@@ -1,11 +1,7 @@
 """Iteration of weights and estimate until they agree.
 
-Each iteration computes weights from the exact covariance of ν̂² under the fitted model, and fits the model with these
-weights. Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too
-large a weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate
-that is optimal for its own weights solves Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at
-the true parameters.
-"""
+Weights from the data bias all estimates: a level that is low by chance gets too much weight. Weights from the exact
+covariance under the fitted model do not, as Σ_jk (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ has mean zero at the truth."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.exponential_search import reweight, search_for_weights, search_of
 from gmwm.fitting.estimation.problem import Problem, pose
 from gmwm.fitting.estimation.solver import Solution, final, model_of, move, resume, solve
-from gmwm.fitting.estimation.weighting import precision, weighting_matrix
+from gmwm.fitting.estimation.weighting import no_noise, precision, weighting_matrix
 from gmwm.measuring.covariance import Design, covariance, variances
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.variance.result import WaveletVariance
@@ -40,11 +36,9 @@ class FixedPointLimits:
     tolerance: float = 1e-11
     """Relative change of the curve that ends the iteration; tests/estimation/test_fit_laws.py compares fits to 1e-9."""
     curve_freedom: float = 1000.0
-    """Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance. Without the
-    average, a level at which the model is far below the data would have a large weight. The average causes a relative
-    bias of a level of at most 4 / (η + 1000), which is small compared with its standard error √(2/η), where η are the
-    degrees of freedom of the level. docs/validation/weighting.md has the resulting bias of the estimates and the
-    coverage of their intervals."""
+    """Degrees of freedom of the fitted curve in the average with the data that scales the covariance, against large
+    weights of levels far above the model. It biases a level by at most 4 / (η + 1000), small against √(2/η), with η
+    degrees of freedom; docs/validation/weighting.md has the effect on estimates and intervals."""
     mixed_iterations: int = 5  # largest number of previous iterations that are combined into the next one
     singular_cutoff: float = 1e-6  # relative singular value below which a direction of the combination counts as zero
     longest_step: float = 0.7
@@ -79,10 +73,9 @@ def settle(
     # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
     returns: int = 4,
 ) -> WeightedSolution:
-    """Iterate estimate and weights ("diagonal" or "optimal") until they agree, from weights of the data or of the model
-    `start`. A last search with the final weights makes the estimate the proven optimum of the objective with the
-    recorded Ω; `search` omits it, if `start` is from almost the same data. If estimates alternate, the final weights
-    come from the likeliest mixture of all processes. The relative change `fixed` of the curve ends an iteration."""
+    """Iterate estimate and weights until they agree (relative change `fixed`), from weights of the data or of `start`.
+    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data. If estimates
+    alternate, weights come from the likeliest mixture of all processes."""
 
     # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
     agreement = 1e-6
@@ -108,8 +101,7 @@ def settle(
             break
     if iteration.expected <= max(agreement, fixed) and change <= max(agreement, fixed):
         return WeightedSolution(problem, solution)
-    # Two estimates may alternate, each with weights that lead to the other. Weights that do not depend on the model end
-    # this.
+    # Two estimates may alternate, each with the other's weights; weights without a model end this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return WeightedSolution(
         problem, finish(problem, solution), (Remark.of("weights-from-data", wv.axis, case="iteration"),)
@@ -118,8 +110,7 @@ def settle(
 
 @dataclass(frozen=True, eq=False)
 class _Iterated:
-    """Problem with iterated weights, its solution, the relative change of the curve in the last and, as `expected`, in
-    the next iteration, and the `reason` why the model gives no weights."""
+    """Iterated problem and solution, last and `expected` change, and the `reason` for a model without weights."""
 
     problem: Problem
     solution: Solution
@@ -196,15 +187,21 @@ def _nearly_settled(
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
-    # Number of iterations after which the weights have converged to a few per cent, which is sufficient to compare
-    # models.
+    # Weights have then converged to a few per cent, sufficient to compare models.
     for _ in range(3):
         at = model_of(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
-            raise _no_noise(model)
+            raise no_noise(model.structure)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
+        if not np.all(_implied_curve(problem, solution, wv) > 0):
+            # Under the full weights of a poor estimate, a model without noise can be the best one. It never is under
+            # weights without covariances.
+            wavelet = np.diag(np.diag(wavelet))
+            problem = problem.under(precision(wavelet))
+            solution = resume(problem, solution)
+            break
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
@@ -218,9 +215,8 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Anderson mixing of the logarithms of the parameters. An iteration maps the parameters x of a model to the
-    estimates g with its weights. The next model is the combination of the last estimates whose residual g − x would be
-    smallest if the map were linear (Anderson 1965, J. ACM 12, 547-560)."""
+    """Anderson mixing of log parameters: the next model combines the last estimates g of x so that g − x would be
+    smallest for a linear map (Anderson 1965, J. ACM 12, 547-560)."""
 
     def __init__(self) -> None:
         self.given: dict[str, float] = {}
@@ -256,9 +252,8 @@ def _logarithms(model: Model) -> dict[str, float]:
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Compute the weights 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model. With the data `observed`, V is scaled
-    from the curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000), with η degrees of freedom. Raises ModelError if the model has
-    no noise at some level, and MissingTheoryError if the covariance of a process is unknown."""
+    """Compute 1 / V_jj ("diagonal") or V⁻¹ ("optimal") under a model; data `observed` rescale V from ν² to ν̄² = (ην̂²
+    + 1000ν²)/(η + 1000). Raises ModelError at a level without noise."""
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
@@ -270,14 +265,8 @@ def reciprocal(variance: Vector, model: Model) -> Vector:
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
-        raise _no_noise(model)
+        raise no_noise(model.structure)
     return np.asarray(weights)
-
-
-def _no_noise(model: Model) -> ModelError:
-    return ModelError(
-        f"{model.structure} as estimated has no noise at some level", advice="Add a term to the model, for example WN."
-    )
 
 
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:

@@ -17,8 +17,7 @@ from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.validation import require_values
 
 DRAWN_SAMPLES = 1 << 17
-"""Number of samples of each process that are drawn at once. They take 1 MiB and fit into the cache, and the overhead of
-Python is small. The number must not depend on the machine, because the simulated paths depend on it."""
+"""Samples of each process that are drawn at once (1 MiB, in the cache); paths depend on this number."""
 
 
 def simulated_variances(
@@ -28,13 +27,7 @@ def simulated_variances(
     """Simulate independent sample paths of a model, and compute their wavelet variances (draws, J) in u². Each batch of
     paths has a random stream that depends on the seed and its number, so the result does not depend on `threads`, and a
     longer run begins with the rows of a shorter one. Each thread needs the memory of about three paths, or of three
-    batches of 1 MiB. `progress` is called in the thread of the caller with the number of finished paths.
-
-    >>> from gmwm.processes import WN
-    >>> design = Design(np.arange(1, 4), samples=1000, rate=100.0)
-    >>> simulated_variances(Model((WN(sigma2=2.0),)), design, draws=1000, seed=1).mean(axis=0).round(2)
-    array([1.  , 0.5 , 0.25])
-    """
+    batches of 1 MiB. `progress` is called in the thread of the caller with the number of finished paths."""
     draws, seed = as_whole_number(draws, "draws", 1), as_whole_number(seed, "seed", 0)
     threads = as_whole_number(os.cpu_count() or 1 if threads is None else threads, "threads", 1)
     _require_simulable(model)
@@ -66,8 +59,7 @@ def simulated_variances(
 
 
 def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
-    """Fill `rows` with the wavelet variances of the first paths of a batch, which is drawn completely: paths depend on
-    its size."""
+    """Fill `rows` with variances of the first paths of a batch, drawn completely: paths depend on its size."""
     deepest = int(design.levels[-1])
     rows_of_levels = np.searchsorted(design.filter.numbers(deepest), design.levels)
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]

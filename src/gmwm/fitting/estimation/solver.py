@@ -1,11 +1,8 @@
 """Solve the estimation problem.
 
-The wavelet variance of a model is linear in the scales of its processes. Non-negative least squares eliminates the
-scales. The remaining unknowns are one search coordinate for each curved process, such as a Gauss-Markov process, and
-the coordinates of each free process, which has several shape parameters. If there are only curved processes,
-`branch_and_bound` finds the global optimum with a proof. Otherwise, or if the user asks for random draws,
-`variable_projection` finds local optima from starting values.
-"""
+Non-negative least squares eliminates the scales. Unknown are a coordinate for each curved process, such as GM, and
+several for each free process. With only curved ones, `branch_and_bound` proves the global optimum; otherwise, or for
+random draws, `variable_projection` finds local optima."""
 
 from __future__ import annotations
 
@@ -44,8 +41,7 @@ FOLLOWED_DESCENTS = 3  # number of descents that are followed to the end
 
 @dataclass(frozen=True)
 class Solution:
-    """Optimum of an estimation problem, with the terms with free shapes and their places. `point` and `curvature` are
-    the coordinates and the second derivatives if the problem has free processes."""
+    """Optimum of a problem with terms and places; `point` and `curvature` belong to free processes."""
 
     objective: float
     lower_bound: float | None
@@ -61,9 +57,8 @@ class Solution:
 
 
 def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
-    """Find the optimum of a problem from deterministic starting points. Without free processes it is the global
-    optimum, with a certificate if `certify`; otherwise the best local optimum from the points of a scan, or only its
-    best points if `quick`, and from the solution `near`."""
+    """Find the optimum from deterministic starts: global and certified without free processes, otherwise the best from
+    a scan (few points if `quick`) and from `near`."""
     if problem.free:
         return _solve_by_scan(problem, quick=quick, near=near)
     square = problem.unit**2
@@ -89,8 +84,7 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 
 
 def solve_near(problem: Problem) -> Solution:
-    """Find the optimum near the values in the model, without a scan; sufficient if they come from almost the same
-    data."""
+    """Find the optimum near the model's values without a scan, enough for almost the same data."""
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
@@ -104,8 +98,7 @@ def solve_near(problem: Problem) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """Find the local optimum nearest to the solution for slightly different weights. `ends` also finds
-    indistinguishable ends."""
+    """Find the nearest local optimum for slightly different weights; `ends` also finds indistinguishable ends."""
     if solution.point is not None:
         return _resume_free(problem, solution, ends=ends)
     if problem.curved_class is None:
@@ -189,13 +182,10 @@ def _lowest(
     problem: Problem, surface: Surface, points: list[ShapePoint], *, count: int = FOLLOWED_DESCENTS,
     known: Projection | None = None,
 ) -> tuple[int | None, Projection] | None:  # fmt: skip
-    """Return the best local optimum that descents from points reach, with the index of its point, or None if the
-    `known` one is better. After a few steps, the better half continues, and then the best `count` are followed to the
-    end."""
-    # Number of steps of each descent before the worse half of the descents is dropped; the others then continue for as
-    # many steps. If all descents are followed to the end, the objective is not smaller
-    # (tests/estimation/test_arma_fits.py).
-    # The same number of steps if there are several free processes, because lines have many optima close to each other
+    """Return the best local optimum of descents and its index, or None if `known` is better. After a few steps the
+    better half continues, then the best `count`."""
+    # Steps before the worse half of descents is dropped, and of the others after: all to the end are no better
+    # (tests/estimation/test_arma_fits.py). Lines have many close optima, so several free processes keep 5
     # (test_two_lines_are_both_found).
     steps = 5 if len(surface.frees) == 1 else 10
     scouts = [(k, optimum) for k, point in enumerate(points) if (optimum := surface.downhill(point, steps)) is not None]
@@ -267,8 +257,7 @@ def _resume_free(problem: Problem, solution: Solution, *, ends: bool) -> Solutio
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether each component of the gradient is at most 1e-10 of the lengths of the vectors that it
-    multiplies."""
+    """Return whether the gradient is at most 1e-10 of the lengths of the vectors that it multiplies."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -277,8 +266,7 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """Return the solution for an optimum and, if `ends`, the process that the data cannot distinguish from each curved
-    term."""
+    """Return the solution and, if `ends`, the processes that the data cannot distinguish from curved terms."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[FittedTerm, ...] = ()
@@ -301,8 +289,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 
 
 def model_of(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """Return the model with the values of a solution; a parameter with a sign gets the sign of the `slope` of the
-    data."""
+    """Return the model of a solution; signs come from the `slope` of the data."""
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)

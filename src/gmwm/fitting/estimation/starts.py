@@ -111,8 +111,7 @@ def scanned_points(
     count = sum(free.size for free in surface.frees)
     # If a parameter is fixed, only a few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
-    # Number of points of a scan of one coordinate. It is multiplied by four for each additional coordinate, up to
-    # `MOST_SCANNED`.
+    # 64 points for one coordinate, and four times as many for each additional one.
     number = min(MOST_SCANNED, 64 * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
     at = 0
@@ -173,8 +172,7 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
         return None
     every = []
     for free in surface.frees:
-        # Number of points of a scan of one coordinate of a single process, while the other processes do not change. It
-        # is multiplied by four for each additional coordinate.
+        # 256 points for one coordinate of a single process, and four times as many for each additional one.
         values = _over_its_scan(free, _even(min(MOST_SCANNED, 256 * 4 ** (free.size - 1)), free.size), problem)
         shapes = free.kind.moments(values, problem.levels, problem.rate, problem.filter)
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
@@ -185,11 +183,9 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Return the coordinates after each free process in turn was optimised until none changes. This finds the
-    frequencies of several lines, whose narrow bands the points of a joint scan miss."""
+    """Return coordinates after optimising each free process in turn: joint scans miss several narrow bands."""
     base = _dictionary(problem)
     at: dict[int, int] = {}
-    # Largest number of rounds in which each process in turn is moved to the best point of its scan.
     for _ in range(4):
         before = dict(at)
         for place, scan in enumerate(every):
@@ -231,8 +227,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: M
         objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
     near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
     chosen: list[int] = []
-    # Number of the best points of a scan from which the points for descents are chosen, no two of them close to each
-    # other.
+    # Descents start from these best points of a scan, no two of them close to each other.
     for k in np.argsort(objectives, kind="stable")[:256].tolist():
         if not np.isfinite(objectives[k]) or len(chosen) == kept:
             break
@@ -276,8 +271,7 @@ def _even(count: int, size: int) -> Matrix:
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> ShapePoint:
-    """Return the random draw whose wavelet variance is closest to the data; `spread` = (max x − min x)/N scales
-    drifts."""
+    """Return the random draw closest to the data; `spread` = (max x − min x)/N scales drifts."""
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
     occasion = _occasion(wv, spread, sampled.draws, rng)
@@ -316,8 +310,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Run Algorithms 1 and 2 of Balamuta et al.: the process that dominates two levels, and the condition of each
-    draw."""
+    """Run Algorithms 1 and 2 of Balamuta et al.: the process that dominates two levels, and each draw's condition."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

@@ -73,8 +73,7 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Return the intervals, the standard errors and the test for JSON; None replaces infinite numbers and a missing
-    test."""
+    """Return intervals, standard errors and test for JSON, with None for infinite or missing ones."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {

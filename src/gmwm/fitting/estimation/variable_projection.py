@@ -1,9 +1,7 @@
 """Local optima of problems that have processes with several shape parameters, by variable projection.
 
-Non-negative least squares eliminates the scales. The objective is then a function of the coordinates of all shapes, and
-its gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
-Levenberg-Marquardt steps lead to a minimum, and Newton steps then give all digits.
-"""
+Non-negative least squares eliminates the scales, which leaves an objective of all shapes with known gradient (Golub and
+Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432). After Levenberg-Marquardt, Newton steps give all digits."""
 
 from __future__ import annotations
 
@@ -73,8 +71,7 @@ class Coordinates:
         # The range of a bounded parameter extends close to its bounds, because fixed values may exclude other values.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
-        # Largest coordinate in the scan of a bounded parameter of a process with fixed parameters. The scan then covers
-        # 0.9999 of the domain. Pinned by tests/estimation/test_arma_fits.py (a thin set of processes).
+        # The scan covers 0.9999 of a bounded domain (tests/estimation/test_arma_fits.py, a thin set of processes).
         return np.where(share[:, None], 5.0 * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
@@ -99,8 +96,7 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class ShapePoint:
-    """Point in the space of all shapes: branches and coordinates u of the curved processes, then coordinates of the
-    free ones."""
+    """Point of all shapes: branches and coordinates u of the curved processes, then of the free ones."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -108,8 +104,7 @@ class ShapePoint:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Smallest objective for given shapes, with the non-negative weights and the unit vectors of all processes.
-    `lengths` are those of the weighted curves of curved and free processes, and `residual` is what the sum leaves."""
+    """Smallest objective of given shapes, with weights, unit vectors and `lengths` of the weighted curves."""
 
     objective: float
     point: ShapePoint
@@ -148,7 +143,7 @@ class Surface:
         check_stop()
         u, z = self.split(point)
         values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
-        if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):
+        if any(not (free.together or free.possible(row)[0]) for free, row in zip(self.frees, values, strict=True)):
             return None
         rows = self._free_shapes(values)
         if point.branches:
@@ -179,8 +174,7 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """Return the search for the curved processes with fixed free ones, without those whose wavelet variance is
-        zero."""
+        """Return the search for the curved processes with the free ones fixed, without those of zero variance."""
         problem, curves = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(curves > 0, axis=1)
@@ -195,8 +189,7 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Return the derivatives (d, J) of Σ weight · unit vector with respect to every coordinate, for constant
-        lengths. A point keeps them, because a search often begins where another one has ended."""
+        """Return the derivatives (d, J) of Σ weight · unit vector at constant lengths, kept for later searches."""
         if (known := found.__dict__.get("_slopes")) is None:
             known = found.__dict__["_slopes"] = freeze(self._slopes(found))
         return cast(Matrix, known)
@@ -275,8 +268,7 @@ class Surface:
                 break
             gain, best = 1.0 - better.objective / best.objective, better
             damping = max(damping / 10.0, 1e-9)
-            # Relative decrease of the objective below which Levenberg-Marquardt steps end, because Newton steps then
-            # converge faster.
+            # Newton steps then converge faster.
             if gain < 1e-9:
                 break
         return best
@@ -288,9 +280,8 @@ class Surface:
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpen(self, best: Projection, curvature: Curvature | None = None) -> tuple[Projection, Curvature | None]:
-        """Return the optimum after Newton steps, and the last second derivatives. They are kept, from `curvature` of
-        slightly different weights on, until the steps converge slowly. Steps that increase the objective are
-        rejected."""
+        """Return the optimum after Newton steps, and the last second derivatives, kept from `curvature` until steps
+        converge slowly. Steps that increase the objective are rejected."""
         square, before, computed = self.problem.unit**2, np.inf, 0
         for _ in range(15):
             gradient = -self.slopes(best) @ best.residual
@@ -309,7 +300,6 @@ class Surface:
             step = np.zeros(best.point.x.size)
             step[able] = _solve(curvature.hessian / square, -gradient[able])
             size = float(np.abs(step).max(initial=0.0))
-            # Longest Newton step that is accepted.
             trial = self.at(self.move(best.point, step)) if size < 0.3 else None
             if trial is None or not self.problem.as_low(trial.objective, best.objective, ROUNDING_NOISE):
                 if fresh:
@@ -320,16 +310,14 @@ class Surface:
             # Change of every coordinate below which Newton steps end.
             if size < 1e-11:
                 break
-            # Ratio of the length of a Newton step to the previous one above which the second derivatives are computed
-            # again.
+            # Newton steps that shrink less need new second derivatives.
             if size > 0.1 * before:
                 curvature = None
             before = size
         return best, curvature
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Return the Hessian for the coordinates in `able`, by differences of gradients; None unless positive
-        definite."""
+        """Return the Hessian for coordinates `able`, by differences of gradients; None unless positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None

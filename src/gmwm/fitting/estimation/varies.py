@@ -1,5 +1,4 @@
-"""Dependence of a term on a known condition: its variance as a sum of known functions such as "1 + rate**2", or its
-shape by a link such as β = exp(a + b rate)."""
+"""Dependence of a term on a condition: of its variance, as "1 + rate**2", or its shape, as β = exp(a + b rate)."""
 
 from __future__ import annotations
 
@@ -67,8 +66,7 @@ class Varies:
         return cls(next(iter(names), ""), tuple(functions))
 
     def means(self, conditions: NDArray[np.float64], term: str) -> NDArray[np.float64]:
-        """Return the means (m, S, …) of the functions φ_m over the last axis of the conditions (S, …) of S recordings;
-        raises ModelError if a function is negative, or if the recordings cannot separate the functions."""
+        """Return means (m, S, …) of φ_m over the conditions' last axis; ModelError if negative or inseparable."""
         values = np.array([function.of(conditions) for function in self.functions])
         for function, row in zip(self.functions, values, strict=True):
             if np.any(row < 0):
@@ -90,8 +88,7 @@ class Varies:
 
 @dataclass(frozen=True)
 class Link:
-    """Shape parameter that follows the condition c: exp(a + b c) if it is positive, tanh(a + b c) if it is between −1
-    and 1."""
+    """Shape parameter that follows the condition c: exp(a + b c) if positive, tanh(a + b c) from −1 to 1."""
 
     name: str
     condition: str
@@ -112,8 +109,7 @@ class Link:
 
 
 def parse_varies(varies: Mapping[str, str]) -> tuple[dict[str, Varies], dict[str, Link], str]:
-    """Parse the functions of each variance, such as "WN", and the link of each shape, such as "GM.beta", by term, and
-    find the name of the condition; raises OptionError if two names differ."""
+    """Parse functions of variances ("WN") and links of shapes ("GM.beta") by term, and the condition's name."""
     if not isinstance(varies, Mapping):
         raise OptionError(argument="varies", expected="a mapping such as {'WN': '1 + rate**2'}", got=varies)
     sums: dict[str, Varies] = {}

@@ -23,8 +23,7 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 
 def usual_weighting(model: Model, wv: WaveletVariance | None = None) -> Literal["diagonal", "optimal"]:
-    """Return the default weighting, "optimal" if a process has several free shape parameters
-    (docs/validation/weighting.md) or if the curve has moments at lags."""
+    """Return "optimal" for several free shapes (docs/validation/weighting.md) or moments at lags, else "diagonal"."""
     several = (wv is not None and bool(np.any(wv.levels < 0))) or any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
@@ -38,8 +37,7 @@ def sampling_variance(wv: WaveletVariance) -> Vector:
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Return the weighting matrix Ω (J, J), in unit⁻⁴, without a model: "diagonal" is 1 / `sampling_variance`, a vector
-    the diagonal. Raises DataError if a variance is zero or overflows, and OptionError for an invalid matrix."""
+    """Return Ω (J, J), unit⁻⁴, without a model: 1 / `sampling_variance`, or a given diagonal or matrix."""
     size = len(wv)
     if isinstance(weighting, str):
         if weighting == "identity":
@@ -93,31 +91,33 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
     """Return a remark if the weights of a user look like a covariance that was not inverted: their diagonal agrees with
     the variances V_jj at every usable level, and differs much from 1 / V_jj at one."""
-    # Smallest degrees of freedom of the levels that `weighting_remarks` uses. The relative standard error of ν̂_j² is
-    # then at most 1/2. Pinned by tests/estimation/test_weights.py.
+    # Levels with a relative standard error of at most 1/2 (tests/estimation/test_weights.py).
     usable = (wv.degrees_of_freedom >= 8.0) & (wv.variance > 0) & (np.diag(matrix) > 0)
     if np.count_nonzero(usable) < 3 or not np.all(wv.variance > 0):
         return ()
     weights, variance = np.log(np.diag(matrix)[usable]), np.log(sampling_variance(wv)[usable])
-    # Largest factor between a weight and V_jj for which the weight looks like a variance
-    # (tests/estimation/test_weights.py).
+    # Factor to V_jj within which a weight looks like a variance (tests/estimation/test_weights.py).
     like_covariance = np.all(np.abs(weights - variance) < math.log(5.0))
-    # Factor by which at least one weight must differ from 1 / V_jj. If V_jj is near 1 unit⁴, V_jj and 1 / V_jj cannot
-    # be distinguished.
+    # Factor to 1 / V_jj of one weight: near 1 unit⁴, V_jj and 1 / V_jj cannot be distinguished.
     if like_covariance and np.any(np.abs(weights + variance) > math.log(1000.0)):
         return (Remark.of("weights-are-covariance", wv.axis),)
     return ()
 
 
+def no_noise(model: object) -> ModelError:
+    """Return the error for a model whose wavelet variance has no random error at some level."""
+    return ModelError(
+        f"{model} as estimated has no noise at some level, so its estimates would be exact",
+        advice="Add WN to the model. If it has WN, the signal has a line or a ramp without noise, or parts with "
+        "different noise: look at it with {gmwm info}, and leave these parts out with {--skip}.",
+    )
+
+
 def precision(covariance: Matrix) -> Matrix:
-    """Return the inverse of a covariance V (J, J), scaled to unit diagonal first. Eigenvalues below the rounding error
-    are replaced by it. Raises ModelError if the variance of a level is zero."""
+    """Return V⁻¹, scaled to unit diagonal, with eigenvalues above rounding; ModelError if a variance is zero."""
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
-        raise ModelError(
-            "the model as estimated has no noise at some level, so its covariance has no inverse",
-            advice="Add a term to the model, for example WN, or use {--weighting=diagonal}.",
-        )
+        raise no_noise("the model")
     share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
     share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
     inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]
@@ -144,8 +144,7 @@ class Weights:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Return the upper triangular Cholesky factor L with LᵀL = Ω, from Ω scaled to unit diagonal; OptionError unless
-    positive definite."""
+    """Return the upper Cholesky factor L, LᵀL = Ω, of unit diagonal first; OptionError unless positive definite."""
     diagonal = np.diag(matrix)
     if np.all(diagonal > 0):
         scale = np.sqrt(diagonal)

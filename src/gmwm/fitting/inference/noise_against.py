@@ -177,7 +177,6 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
         raise OptionError(argument="signal", expected="a Signal, such as imu['gyro_x']", got=signal)
     term, covariates, values = condition_of(signal, condition)
     residual = without(signal, regress(signal, covariates), covariates)
-    # Smallest length (samples) of the blocks in which knocks are clipped.
     length = max(covariates.clock.length, 16)
     blocks = BlockClock.of(signal.rate, signal.segments, signal.starts, length=length)
     residual = replace(residual, values=blocks.clip(residual.values))
@@ -197,8 +196,7 @@ def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN 
     _, noise = mixture(wv.variance, wv.degrees_of_freedom, design)
     design = replace(design, excess=excess_covariance(even, wavelet_variance(even)))
     curve = noise.wavelet_variance(wv.levels, wv.rate)[used]
-    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), where K_j/M_j is the variance of the condition at
-    # level j.
+    # Cov(s_j, s_k) = V_jk √(M_j M_k) / (4 ν_j² ν_k² √(K_j K_k)), with the condition's variance K_j/M_j at level j.
     relative = covariance(noise, design)[np.ix_(used, used)] / np.outer(curve, curve)
     errors = relative / np.outer(spread, spread) / 4
     inverse = np.linalg.inv(errors)
@@ -240,8 +238,7 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: Booleans) -> tuple[list
 
 
 def _slow(signal: Signal, values: Vector, design: Design) -> Booleans:
-    """Return a mask (J,) of the levels with enough degrees of freedom and a nearly constant condition in a
-    coefficient."""
+    """Return the levels (J,) with enough degrees of freedom and nearly constant condition in a coefficient."""
     # Least degrees of freedom of a level: the joint test then rejects 3 % at 5 % (docs/validation/regression.md).
     least_freedom = 30.0
     mask, total = np.zeros(design.levels.size, dtype=bool), float(np.var(values))
@@ -252,8 +249,7 @@ def _slow(signal: Signal, values: Vector, design: Design) -> Booleans:
             variance = float(np.mean(away**2))
             # If the condition is rarely far from its mean, the slope has fewer degrees of freedom.
             few = freedom * variance**2 < least_freedom * float(np.mean(away**4))
-            # Least ratio of the variance of means over a scale to the variance of the condition, which must change
-            # slowly.
+            # The condition must change slowly: least share of its variance in means over a scale.
             mask[k] = variance >= 0.5 * total and not few
     return mask
 
@@ -264,8 +260,7 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[Integers, Vector
         (haar(signal.values[a:b] - np.mean(signal.values[a:b]), level) ** 2, _running(values[a:b], 1 << level))
         for a, b in _long(signal, level)
     ]
-    # Number of parts into which each level is divided. The mean square of each part is used, so that the cost does not
-    # depend on the length of the recording.
+    # Mean squares of 4096 parts of each level make the cost independent of the recording's length.
     length = max(sum(squares.size for squares, _ in pieces) // 4096, 1)
     counts, sums, means = [], [], []
     for squares, condition in pieces:
@@ -277,8 +272,7 @@ def _parts(signal: Signal, values: Vector, level: int) -> tuple[Integers, Vector
 
 
 def _slope(counts: Integers, sums: Vector, means: Vector) -> tuple[float, float]:
-    """Return the relative change of the standard deviation per unit of the condition at one level, and the standard
-    deviation of the condition over the parts."""
+    """Return a level's relative change of spread per unit of the condition, and the condition's spread."""
     away = means - np.average(means, weights=counts)
     spread = float(np.sqrt(np.average(away**2, weights=counts)))
     c, slope = away / spread, 0.0
@@ -286,7 +280,6 @@ def _slope(counts: Integers, sums: Vector, means: Vector) -> tuple[float, float]
         now = sums * np.exp(-2 * slope * c)
         step = float(c @ now / (2 * (c**2 @ now)))
         slope += float(np.clip(step, -1.0, 1.0))
-        # Step below which the iteration for a slope ends.
         if abs(step) < 1e-10:
             break
     return slope / spread, spread

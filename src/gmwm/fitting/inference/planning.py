@@ -1,5 +1,4 @@
-"""Plan a recording, with the standard errors of the parameters of a model as functions of the length of the
-recording."""
+"""Plan a recording: standard errors of a model's parameters as functions of its length."""
 
 from __future__ import annotations
 
@@ -31,8 +30,7 @@ CERTAIN_ERROR = 0.5
 LONGEST_PLAN_SAMPLES = 2**40  # largest number of samples of a planned recording, which is 350 years at 100 Hz
 LONGEST_SEARCH_RATIO = 1e4  # multiple of the planned duration up to which `Plan.needed` searches
 _LEAST, _MOST = 1e-295, 1e295
-"""Allowed range of squared variances. It is the range of double precision, 1e±308, with a margin for sums over 2⁴⁰
-samples."""
+"""Range of squared variances: double precision, 1e±308, with a margin for sums over 2⁴⁰ samples."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +69,7 @@ class PlannedGaps:
         return least
 
     def design(self, samples: int, rate: float) -> tuple[Design, float]:
-        """Return the design of a recording of `samples` samples, and a factor of its covariance: 1/m for m
-        repetitions."""
+        """Return the design of a recording, and a factor of its covariance: 1/m for m repetitions."""
         filled, share, segments = round(self.filled * samples), 1.0, self.segments
         if not segments:
             return Design(np.arange(1, samples.bit_length()), samples, rate, filled=filled), share
@@ -276,8 +273,6 @@ class Plan(Summarised, Plotted):
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"
 
-    # --- private methods ------------------------------------------------------------------------------
-
     @cached_property
     def _cache(self) -> dict[int, Vector]:
         """Cache of relative standard errors, by number of samples."""
@@ -293,10 +288,8 @@ class Plan(Summarised, Plotted):
         return self._cache[samples]
 
     def _samples_needed(self, k: int, accuracy: float) -> float:
-        """Return the number of samples from which the relative error of parameter k is at most `accuracy`; else
-        infinity."""
+        """Return the samples from which parameter k has a relative error of at most `accuracy`; else infinity."""
 
-        # Number of lengths per factor of two that `Plan.needed` evaluates before it bisects.
         per_octave = 4
 
         def enough(samples: int) -> bool:
@@ -309,8 +302,7 @@ class Plan(Summarised, Plotted):
         while low < high:
             middle = (low + high) // 2
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
-        # From octave to octave the error falls by more than it can rise within an octave. The largest length at which
-        # it reaches the accuracy is therefore within one octave of `high`.
+        # From octave to octave the error falls by more than it rises within one, so the length is within one of `high`.
         near = (np.arange(-per_octave, per_octave + 1) / per_octave + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]
@@ -463,8 +455,7 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 
 def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NONE) -> int:
-    """Return the samples of a recording of `duration` (s); raises OptionError unless it has more levels than `free`
-    parameters."""
+    """Return the samples of a duration (s); OptionError unless it has more levels than `free` parameters."""
     is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
     if not (is_number and math.isfinite(duration) and duration > 0):
         raise OptionError(argument="duration", expected="a positive number (s)", got=duration)

@@ -1,5 +1,4 @@
-"""Exact Gaussian likelihood, maximum-likelihood fits, residuals and estimates of latent processes with a Kalman
-filter."""
+"""Exact Gaussian likelihood, maximum-likelihood fits, residuals and latent processes with a Kalman filter."""
 
 from gmwm.fitting.likelihood.correlations import autocorrelation
 from gmwm.fitting.likelihood.estimator import fit_ml

@@ -94,8 +94,7 @@ def as_lags(lags: int | None, observed: int) -> int:
 
 
 def pair_factors(values: Vector, lags: int) -> Vector:
-    """Return N − k over the number of pairs of observed samples (L,) at lags k = 1 … L, which is 1 without gaps; 0 if
-    there is no pair."""
+    """Return N − k over the number of observed pairs at lags k = 1 … L: 1 without gaps, 0 without a pair."""
     counts = statistics.observed_pairs(values, lags)
     expected = np.count_nonzero(np.isfinite(values)) - np.arange(1.0, lags + 1)
     return np.divide(expected, counts, out=np.zeros(lags), where=counts > 0)

@@ -1,9 +1,7 @@
 """Log-likelihood and maximum-likelihood fit of a model: `Model.loglikelihood` and `gmwm.fit_ml`.
 
-Coefficients of conditions (such as temperature) follow from generalised least squares with the covariance of the fitted
-noise model. Like the level of the recording, they have a flat prior and are integrated out. The result is the
-restricted likelihood (REML), which accounts for the degrees of freedom that the regression columns use.
-"""
+Coefficients of conditions (generalised least squares) and the level have a flat prior and are integrated out. This
+restricted likelihood (REML) accounts for the degrees of freedom of the columns."""
 
 from __future__ import annotations
 
@@ -58,8 +56,7 @@ class Regressed:
 
     @classmethod
     def of(cls, data: Signal | ArrayLike, rate: float | None, record: Record, asked: Asked) -> Regressed:
-        """Compute the regression columns at every sample; raises DataError or OptionError if a covariate cannot be
-        used."""
+        """Compute the regression columns at every sample; raise errors for covariates that cannot be used."""
         signal = data if isinstance(data, Signal) else Signal(as_vector(data, "data"), as_rate(rate))
         covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), signal)
         first = regress(signal, covariates)
@@ -138,7 +135,7 @@ def fit_ml(
     data : Signal or (N,) array
         The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
+        Sampling rate (Hz) of an array; 1 by default, so that times count samples.
     start : Fit, LikelihoodFit, Model or str, optional
         Starting values, as a fit or a model with the same terms. By default, the model is first fitted to the wavelet
         variance.
@@ -409,10 +406,9 @@ def jacobian(problem: LikelihoodProblem, model: Model) -> dict[str, Vector]:
 
 
 def misfit(fit: LikelihoodFit) -> Remark | None:
-    """Return a remark if a model does not describe the wavelet variance of its recording. Most information in the
-    samples is about the fastest process, so errors at long scales hardly affect the likelihood or the whiteness. η_j
-    ν̂²_j / ν²_j is about chi-square with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's
-    method."""
+    """Return a remark if a model does not describe its recording's wavelet variance: most information is about the
+    fastest process, so long scales hardly affect the likelihood or the whiteness. η_j ν̂²_j / ν²_j is about chi-square
+    with η_j = 2 ν⁴_j / V_jj degrees of freedom; p-values are adjusted by Holm's method."""
     from scipy.special import gammainc, gammaincc
 
     # Significance level, small because the fit does not minimise this distance (tests/likelihood/test_misfit.py).

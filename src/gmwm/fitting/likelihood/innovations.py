@@ -1,15 +1,11 @@
-"""Residuals of a model, and the comparison of models by the errors of their predictions of samples that the fit has not
-used.
-
-Residuals are the standardised innovations of the Kalman filter. If the model is right, they are white and normally
-distributed with variance 1.
-"""
+"""Residuals (standardised Kalman innovations, white normal with variance 1 if the model is right), and comparison of
+models by prediction errors of new samples."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
@@ -247,10 +243,9 @@ def residuals(
 
 
 def spent(problem: LikelihoodProblem) -> Vector:
-    """Return the degrees of freedom (L,) that estimated parameters take from the autocorrelation at lags 1 … L. With
-    the autocorrelation r of the N residuals for the true parameters, D = ∂r/∂θ by finite differences, and the
-    information matrix I, r̂ ≈ r + D(θ̂ − θ) has the covariance (1 − N D I⁻¹ Dᵀ)/N. At lag k, they therefore take N D_k
-    I⁻¹ D_kᵀ. This holds for efficient estimates (Box and Pierce 1970, JASA 65, 1509-1526, section 3)."""
+    """Return the degrees of freedom (L,) N D_k I⁻¹ D_kᵀ that estimates take from the autocorrelation at lags 1 … L: r̂
+    ≈ r + D(θ̂ − θ), D = ∂r/∂θ, has the covariance (1 − N D I⁻¹ Dᵀ)/N with the information I, for efficient estimates
+    (Box and Pierce 1970, JASA 65, 1509-1526, section 3)."""
     # Largest number of samples from which `spent` is computed; it hardly depends on the length.
     longest = 65_536
     record = problem.record
@@ -325,7 +320,7 @@ class Forecasts(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Evaluation(Summarised):
+class Evaluation(Summarised, Mapping[str, Forecasts]):
     """Predictions of several models out of sample.
 
     Attributes
@@ -338,6 +333,9 @@ class Evaluation(Summarised):
 
     def __getitem__(self, model: str) -> Forecasts:
         return self.forecasts[model]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.forecasts)
 
     def __len__(self) -> int:
         return len(self.forecasts)

@@ -33,8 +33,7 @@ from gmwm.theory.processes.parameter import Parameter
 
 Method = Literal["wald", "profile"]
 _ROUNDS = 25
-"""Largest number of iterations for one end of an interval. The tolerances above end almost all searches earlier. The
-limit is needed if the other parameters diverge along the profile; see
+"""Limit of iterations per end, needed if other parameters diverge along the profile:
 test_a_profile_ends_where_the_other_parameters_run_away in tests/likelihood/test_fit_ml.py."""
 
 
@@ -78,8 +77,7 @@ class _ProfileLikelihood:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Return whether a parameter depends on one coordinate only; raises ModelError for a fit from a file, without
-        recording."""
+        """Return whether a parameter depends on one coordinate; ModelError for a fit without recording."""
         if self.fit.record is None:
             raise ModelError(
                 f"the profile interval of {name} needs the recording, and the fit was read from a file",
@@ -133,8 +131,7 @@ class _ProfileLikelihood:
         for _ in range(_ROUNDS):
             step = min(max(best[k] + step, low), high) - best[k]
             root, at = self._root(best + along * step, k)
-            # Relative accuracy of the square root of the deviance at an end of a profile interval. The end then has
-            # about three correct digits.
+            # An end with this accuracy has about three correct digits.
             if abs(root - self.z) <= 2e-3 * self.z:
                 break
             if root < self.z:
@@ -153,8 +150,7 @@ class _ProfileLikelihood:
         return self._parameter(best[k] + step, k, name)
 
     def _along(self, best: Vector, k: int) -> Vector:
-        """Return the direction I⁻¹e_k / (I⁻¹)_kk of the profile at the maximum, and set `reach` to its standard
-        error."""
+        """Return the profile's direction I⁻¹e_k / (I⁻¹)_kk at the maximum; `reach` becomes its standard error."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -175,8 +171,7 @@ class _ProfileLikelihood:
         evaluation = self.problem.evaluate(at, [k])
         if evaluation is None:
             return None
-        # For a small scale s and constant other parameters, the log-likelihood decreases by c s + ½ k s². The decrease
-        # of the profile is smaller, because the other parameters are optimised.
+        # For a small scale s the log-likelihood falls by c s + ½ k s², and the optimised profile by less.
         size = math.exp(at[k])
         c, curvature = max(-float(evaluation.gradient[0]) / size, 0.0), float(evaluation.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
@@ -184,8 +179,7 @@ class _ProfileLikelihood:
         for _ in range(_ROUNDS):
             at[k] = coordinate
             root, at = self._root(at, k)
-            # Relative accuracy of the square root of the deviance at the upper limit of a scale that is estimated as
-            # zero. The limit then has about two correct digits.
+            # A limit with this accuracy has about two correct digits.
             if abs(root - self.z) <= 1e-2 * self.z:
                 break
             here = (coordinate, math.log(max(root, 1e-6)))
@@ -196,10 +190,8 @@ class _ProfileLikelihood:
         return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
-        """Return the square root of the deviance, twice the fall of the profile log-likelihood from its maximum, and
-        the coordinates of the maximum with coordinate k held at its value."""
-        # Accuracy of the maximised log-likelihood in a profile. At the ends of a 95 % interval, the profile is about 2
-        # below its maximum.
+        """Return the root of twice the fall of the profile log-likelihood, and the maximum at this coordinate k."""
+        # At the ends of a 95 % interval, the profile is about 2 below its maximum.
         maximum = LikelihoodSearch(self.problem, held=(k,), tolerance=1e-3, revive=False).run(z)
         if maximum is None:
             return math.inf, z

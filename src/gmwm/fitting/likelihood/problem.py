@@ -1,7 +1,4 @@
-"""The likelihood of a model as a function of unconstrained coordinates.
-
-The recording has the form that the Kalman filter needs: equally spaced samples with NaN for missing ones.
-"""
+"""Likelihood by unconstrained coordinates, of equally spaced samples with NaN for missing ones."""
 
 from __future__ import annotations
 
@@ -35,9 +32,8 @@ from gmwm.theory.processes.parameter import Branch
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Equally spaced samples of one axis, NaN where one is missing, from the time `start` (s). `centre` is near the
-    values and is subtracted before squares. Regression `columns` (p, N) have the standard deviation 1, `scales` (p,)
-    before."""
+    """Samples of one axis from time `start` (s), NaN if missing; `centre` is subtracted before squares, and `columns`
+    (p, N) are divided by `scales`."""
 
     values: Vector
     rate: float
@@ -68,8 +64,7 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """Return the signal with short gaps filled, or all missing samples interpolated if most segments are too
-        short."""
+        """Return the signal with short gaps filled, or all interpolated if most segments are too short."""
         signal = Signal.from_missing(self.values, self.rate, self.unit, self.axis).fill_gaps()
         usable = sum(b - a for a, b in signal.segments if b - a >= MINIMUM_SAMPLES)
         if 2 * usable >= len(signal):
@@ -80,11 +75,8 @@ class Record:
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
-    """Make a recording for the Kalman filter. Gaps of a signal become missing samples, whose number follows from the
-    time stamps (1 if the clock was set back); in an array, NaN or a masked value is missing. `rate` is needed for an
-    array only. Raises DataError if fewer than 8 samples are observed, a value is
-    infinite, or gaps are much longer than the recording; ModelError if all samples are equal; OptionError if the rate
-    is missing or differs from the signal's."""
+    """Make a recording for the Kalman filter: gaps become missing samples by time stamps (1 if the clock was set back),
+    as do NaN and masked values of an array."""
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(
@@ -100,7 +92,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     else:
         samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(samples, "data", finite=False).copy(), "", "", 0.0
-        step = as_rate(rate)
+        step = 1.0 if rate is None else as_rate(rate)
     observed = np.isfinite(values)
     seen = values if bool(np.all(observed)) else values[observed]
     endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
@@ -139,9 +131,8 @@ def _with_gaps(signal: Signal) -> Vector:
         places.append(at)
         at += last - first
         end = time + (last - first) / signal.rate
-    # Number of missing samples (80 MB) that gaps may add to a recording of any length. Longer recordings may have more;
-    # see `_with_gaps`. Pinned by test_gaps_that_need_too_much_memory_are_refused in
-    # tests/likelihood/test_loglikelihood.py.
+    # Missing samples (80 MB) that gaps may add; longer recordings may have more, see `_with_gaps`
+    # (test_gaps_that_need_too_much_memory_are_refused in tests/likelihood/test_loglikelihood.py).
     if at > 10 * len(signal) + 10_000_000:
         raise DataError(
             f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
@@ -277,9 +268,8 @@ class LikelihoodProblem:
         """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
         # Limit of the absolute value of any other shape coordinate; for a logarithm, this is a factor of 160 000.
         farthest = 12.0
-        # Duration of the recording divided by the longest correlation time that the search allows. With this
-        # correlation time, the correlation over the whole recording is e^(−1e-3). Its difference from 1 changes no
-        # variance by more than 0.1 %, which is less than the standard error of any scale.
+        # Duration over the longest correlation time: a correlation of e^(−1e-3) over the recording changes no variance
+        # by more than 0.1 %, less than the standard error of any scale.
         least_decay = 1e-3
         out, samples = [], self.record.values.size
         for coordinate in self.coordinates:
@@ -297,8 +287,7 @@ class LikelihoodProblem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """Return a scale coordinate at which the wavelet variance of term k is at most `share` of the model's at every
-        level."""
+        """Return a scale coordinate at which term k has at most `share` of the variance at every level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         curve = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -370,8 +359,7 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:
-    """Return the standardised innovations (N,), NaN for missing samples, and the number of coefficients from the whole
-    recording."""
+    """Return standardised innovations (N,), NaN for missing samples, and the number of coefficients from all data."""
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
     if not math.isfinite(value):

@@ -11,14 +11,12 @@ import numpy as np
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.fitting.likelihood.problem import LikelihoodPoint, LikelihoodProblem
 
-# The constants below decide which terms are set to zero, and which are added again. tests/likelihood/test_fit_ml.py
-# pins them: terms without support in the data are estimated as zero, and supported terms are found again.
+# These constants decide which terms are zero, and which return (tests/likelihood/test_fit_ml.py pins both).
 
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """Local maximum of the likelihood at the coordinates `z` (q,), −inf for the scale of a term that is zero. `active`
-    are the free coordinates; `at_end` has shape coordinates at their lower (−1) or upper bound (1)."""
+    """Local maximum at `z` (q,), −inf for a zero scale; `active` coordinates are free, `at_end` is ±1 at bounds."""
 
     z: Vector
     active: tuple[int, ...]
@@ -32,9 +30,8 @@ Progress = Callable[[int, float], None]
 
 
 class LikelihoodSearch:
-    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`.
-    `progress` is called with the number of evaluations and the log-likelihood. `revive` tries to add terms that became
-    zero."""
+    """Search for a local maximum in all coordinates but `held`, until the expected increase is below `tolerance`;
+    `revive` tries to add terms that became zero."""
 
     def __init__(
         self,
@@ -62,8 +59,7 @@ class LikelihoodSearch:
         if evaluation is None:
             return None
         z, evaluation = self._tidy(z, evaluation)
-        # A term that was set to zero may be supported when other terms have changed. Adding it may make another term
-        # supported, so there are two passes.
+        # A zero term may be supported after others changed, and so may another after it: two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
             tried = self._back(z, evaluation, term) if term in self.gone else None
             if tried is not None:
@@ -94,8 +90,7 @@ class LikelihoodSearch:
         return evaluation
 
     def _climb(self, z: Vector) -> tuple[Vector, LikelihoodPoint | None, bool]:
-        """Climb by steps d = (I + μ diag I)⁻¹ g (gradient g, information matrix I, damping μ) until the expected
-        increase is negligible."""
+        """Climb by d = (I + μ diag I)⁻¹ g (gradient, information, damping) to a negligible expected increase."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -170,8 +165,7 @@ class LikelihoodSearch:
         """Set small terms to zero if this does not decrease the likelihood."""
         active = self._active(z)
         for term, k in self.scales.items():
-            # A scale is set to zero on trial if the information about its logarithm is below this value. The relative
-            # standard error is then above 4.
+            # A scale is zero on trial if the relative standard error is above 4.
             if k not in active or now.information[active.index(k), active.index(k)] > 0.05:
                 continue
             if len(self.gone) + 1 >= len(self.problem.model.processes):
@@ -208,9 +202,8 @@ class LikelihoodSearch:
         return z
 
     def _back(self, z: Vector, now: LikelihoodPoint, term: int) -> tuple[Vector, LikelihoodPoint, bool] | None:
-        """Return the maximum with a term added that was zero, if the likelihood increases. From a negligible scale, the
-        expected increase is g²/2I, with gradient g and information I. The whole range of one shape parameter is
-        tried."""
+        """Return the maximum with a zero term added, if better: expected increase g²/2I, gradient g, information I,
+        over the whole range of one shape parameter."""
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
@@ -245,8 +238,7 @@ class LikelihoodSearch:
             return [z.copy()]
         process = self.problem.model.processes[term]
         low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
-        # Extension of this range of shapes beyond the range of a wavelet fit (a factor of 5 in β). The likelihood can
-        # also detect processes that decay within one sample.
+        # Beyond a wavelet fit's range (a factor of 5 in β), likelihood detects processes that decay within a sample.
         high += 1.6
         out = []
         for share in (np.arange(places) + 0.5) / places:

@@ -1,10 +1,7 @@
 """State-space matrices of a model for the Kalman filter, their derivatives, and regressors for unknown levels.
 
-Unknown quantities without a probability distribution are coefficients of regressors. One is the constant level of the
-recording (an offset or gravity), which includes the initial value of a random walk. Another is the slope of a drift.
-The coefficients follow from least squares after the filter has run. The result is the same as with an infinite prior
-variance.
-"""
+Unknowns without a distribution, the level (with a walk's initial value) and the slope of a drift, follow from least
+squares after the filter has run, as for an infinite prior variance."""
 
 from __future__ import annotations
 
@@ -123,8 +120,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        # A term whose scale is fixed at zero has no level. A free scale may become positive, and the term then needs a
-        # level.
+        # A term whose scale is fixed at zero has no level; a free scale may become positive.
         wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
         for state in np.flatnonzero(space.diffuse) if wanders else ():
             course = _course(space, int(state), samples)

@@ -33,8 +33,7 @@ Modelled = Fit | LikelihoodFit | Model | Process | str  # A fit, or a model with
 BIAS = "bias"
 """Label of the bias, which is the sum of the level of the recording and of all slow terms, as in navigation filters."""
 RATES_ALIKE = 1e-3
-"""Two rates are treated as equal if their relative difference is below this value, because rates from time stamps vary
-between recordings. Parameters per sample then change by at most 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
+"""Relative difference of equal rates (time stamps vary): ≤ 0.1 % of a parameter (tests/likelihood/test_tracks.py)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

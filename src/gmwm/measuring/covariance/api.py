@@ -22,8 +22,7 @@ from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 
 def covariance(model: Model, design: Design, *, diagonal: bool = False) -> Matrix:
-    """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴, for a model whose parameters all have values; see `wavelet_covariance`.
-    The `diagonal` (J,) takes about a tenth of the time."""
+    """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴; its `diagonal` (J,) takes a tenth of the time."""
     if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         bare = covariance(model, replace(design, excess=None, model_error=0.0), diagonal=diagonal)
@@ -60,12 +59,10 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute the variance (J,) of log(ν̂_j²/ν̃_j²) for a Gaussian signal without drift.
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,) of the classical and the robust estimate, for a Gaussian signal without drift.
 
-    ν̂_j² is the classical estimate and ν̃_j² the robust estimate. The classical estimate is the first term of the
-    Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j², ν̂_k²). The variance of the ratio is the rest
-    of the expansion, Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j², with the symbols of `wavelet_covariance`.
-    """
+    ν̂_j² is the first term of the Hermite expansion of ν̃_j², so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j², ν̂_k²). The variance is
+    the rest of the expansion, Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
     if design.filled:
         return np.asarray(design.loss_factor * ratio_variances(model, replace(design, filled=0)))
     if design.segments:

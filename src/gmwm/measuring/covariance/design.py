@@ -16,40 +16,12 @@ from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Levels, length of the recording, rate, filter, transform and estimator of a wavelet variance.
+    """Levels, length, rate, filter, transform and estimator of a wavelet variance.
 
-    Attributes
-    ----------
-    levels : (J,) int array
-        Levels j, ascending from 1.
-    samples : int
-        Length N of the recording.
-    rate : float
-        Sampling rate (Hz).
-    filter : WaveletFilter
-        Wavelet filter.
-    transform : "modwt" or "dwt"
-        Maximal-overlap or decimated transform.
-    efficiency : float or None
-        Efficiency of a robust estimate; None for a classical estimate.
-    segments : tuple of int
-        Lengths of the segments; () for a recording without a gap.
-    filled : int
-        Number of samples that replace lost ones; see `gmwm.variance.transform.loss_factor`.
-    strides : tuple of int
-        Distance (samples) between the coefficients that each level uses; () if all coefficients are used.
-    pooled : (J,) int array or None
-        For the design of a single segment, the number of coefficients of all segments; otherwise None.
-    excess : (J, J) array or None
-        Relative covariance of the estimates in addition to the covariance for a Gaussian signal; see `WaveletVariance`.
-    model_error : float
-        Relative error of the model at each level; see `WaveletVariance`.
-
-    Examples
-    --------
-    >>> Design(np.arange(1, 4), samples=100, rate=1.0).counts
-    array([99, 97, 93])
-    """
+    `segments` are the lengths of segments, () without gaps, and `filled` counts replaced samples (`loss_factor`).
+    `strides` are distances (samples) between the used coefficients of each level, () for all. For one segment of
+    several, `pooled` (J,) counts the coefficients of all. `efficiency` is None for a classical estimate; see
+    `WaveletVariance` for `excess` and `model_error`."""
 
     levels: Integers
     samples: int
@@ -116,8 +88,7 @@ class Design:
 
     @property
     def added(self) -> Matrix | None:
-        """Relative covariance (J, J) that the excess and the model error add to that of a Gaussian signal; None if
-        zero."""
+        """Relative covariance (J, J) in addition to that of a Gaussian signal; None if zero."""
         if not self.model_error:
             return self.excess
         own = self.model_error**2 * np.eye(self.levels.size)
@@ -125,22 +96,15 @@ class Design:
 
     @property
     def for_weights(self) -> Design:
-        """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %.
-
-        The weights must not include an error that all levels have in common. Otherwise a curve of zero would be a good
-        fit, because it differs from the data by a common factor (Peelle's puzzle).
-        """
+        """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %. Weights
+        with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""
         if self.excess is None:
             return self
-        # Largest relative error of a level by which the excess covariance changes the weights of a fit
-        # (tests/covariance/test_excess.py).
+        # Largest relative error by which the excess changes weights (tests/covariance/test_excess.py).
         return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), 0.01**2)))
 
     def segment(self, length: int, counts: Integers) -> Design | None:
-        """Return the design of one segment of a given length; None if the segment has no level.
-
-        `counts` are the numbers of coefficients of all segments together.
-        """
+        """Return the design of a segment, with `counts` over all segments; None if the segment has no level."""
         reached = self.reached(length)
         if not reached.any():
             return None
@@ -153,8 +117,7 @@ class Design:
 
     @property
     def running_sum(self) -> bool:
-        """Whether the transform is the maximal-overlap Haar transform, which has second differences of a running
-        sum."""
+        """Whether the coefficients (maximal-overlap Haar) are second differences of a running sum."""
         return self.filter is HAAR and self.transform == "modwt"
 
     @property

@@ -1,14 +1,9 @@
 """Estimate the covariance of the wavelet variance from the data alone, for Gaussian and other signals.
 
-ν̂_j² is the mean of the squares S_j(t) = W_{j,t}². Therefore Cov(ν̂_j², ν̂_k²) is the cross-spectrum of S_j and S_k at
-frequency 0, divided by the number M of coefficients. It is estimated with K sine tapers v_q, q = 0 … K − 1, over the
-coefficients that two levels have in common, as the mean over q of y_j(q) y_k(q) with y_j(q) = Σ_t v_q(t) [S_j(t) −
-ν̂_j²]. The tapers use frequencies up to (K + 1) / (2M). These must be much smaller than 2^−k, the bandwidth of the
-squares of the coarser level k. K therefore follows from the number M / 2^k of independent pieces of data.
-
-At levels with few independent pieces, the estimate is averaged with the Gaussian covariance of a model, which has the
-weight of `GAUSSIAN_TAPERS` tapers. This model is the mixture of all processes with the largest likelihood for the
-measured curve."""
+Cov(ν̂_j², ν̂_k²) is the cross-spectrum at frequency 0 of the squares S_j(t) = W_{j,t}², divided by their number M. K
+sine tapers v_q estimate it, as the mean over q of y_j(q) y_k(q), y_j(q) = Σ_t v_q(t) [S_j(t) − ν̂_j²]. Their
+frequencies, up to (K + 1) / (2M), must be much smaller than 2^−k, the bandwidth of the coarser level k, so K follows
+from M / 2^k. Levels with few pieces are averaged with the Gaussian covariance of the likeliest mixture."""
 
 from __future__ import annotations
 
@@ -29,8 +24,7 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.filters import WaveletFilter
 
 GAUSSIAN_TAPERS = 8.0
-"""Weight of the Gaussian covariance of the mixture, as a number of tapers. Pinned by
-tests/covariance/test_empirical.py, as are the next two constants."""
+"""Weight (tapers) of the Gaussian covariance; tests/covariance/test_empirical.py pins it and the next two."""
 _FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
 
 
@@ -132,24 +126,17 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
     return mixed
 
 
-# --- from the data ------------------------------------------------------------------------------------
-
-
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers (J,), 0 with too few
-    coefficients."""
-    # Number of time intervals over which squares are summed. There are 16 intervals for each of 128 tapers, and a taper
-    # hardly changes within an interval.
+    """Return Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and numbers of tapers (J,), 0 for too few coefficients."""
+    # 16 intervals for each of 128 tapers, within which a taper hardly changes.
     size, cell = design.levels.size, -(-design.samples // 2048)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
-    # Bandwidth of the tapers, relative to 2^−k.
-    # Largest number of tapers of a level.
+    # Bandwidth of the tapers relative to 2^−k, and largest number.
     tapers = np.minimum(np.floor(2 * 0.125 * design.counts / apart), 128)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
-    # Rounding error of a coefficient, which is a sum over the taps of the filter. The error of W² is 2 |W| times as
-    # large.
+    # Rounding error of a coefficient, a sum over the filter; that of W² is 2 |W| times as large.
     rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * design.filter.length
     for a, (places, squares) in enumerate(_squares(values, design)):
         sums[a] = np.bincount(places // cell, squares, count)
@@ -177,8 +164,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[Integers, Vector]]:
-    """Yield, level by level, the times (samples, without those missing in gaps) and the squares of the inner
-    coefficients."""
+    """Yield, by level, the times (samples, without gaps) and the squares of the inner coefficients."""
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)

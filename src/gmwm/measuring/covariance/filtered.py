@@ -1,18 +1,12 @@
 """Covariance of the wavelet variance of a Gaussian signal, for any wavelet filter and both transforms.
 
-Let A(m) be the generalised covariance of the signal, h_{j,l} the wavelet filter of level j, and D_j(v) =
-Σ_l h_{j,l} A(v − l). Then
+With the generalised covariance A of the signal, filters h_{j,l} and D_j(v) = Σ_l h_{j,l} A(v − l), C_jk(u) =
+Cov(W_{j,t}, W_{k,t+u}) = Σ_l h_{k,l} D_j(l − u). The pyramid algorithm computes both. The filters sum to zero, so a
+constant in A cancels, and no difference of large numbers occurs.
 
-    C_jk(u) = Cov(W_{j,t}, W_{k,t+u}) = Σ_l h_{k,l} D_j(l − u).
-
-D_j and C_jk are wavelet transforms of a covariance instead of a signal, so the pyramid algorithm computes them. The
-coefficients of the filters sum to zero. A constant in A therefore cancels, and no difference of large numbers occurs.
-
-C_jk hardly changes over a small part of 2^j lags, where j is the finer level. The scaling coefficients at every 2^i-th
-sample are a signal with the covariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the autocorrelation of the
-scaling filter. C_jk at every 2^i-th lag equals C_{j−i,k−i} of this signal, which reduces the cost of coarse levels.
-Lags at which D_j is negligible are left out.
-"""
+C_jk hardly changes over a small part of 2^j lags (j is finer). The scaling coefficients at every 2^i-th sample have the
+covariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), with the autocorrelation r_g of the scaling filter. C_jk at every 2^i-th
+lag is their C_{j−i,k−i}, which reduces the cost of coarse levels. Lags with negligible D_j are left out."""
 
 from __future__ import annotations
 
@@ -34,17 +28,13 @@ LONGEST_SAMPLES = 2**26
 """Length (samples) of the longest recording, for which each of a few arrays takes half a gigabyte."""
 # tests/covariance/test_filtered.py compares the results with sums over all lags, and pins the constants below.
 OVERSAMPLED = 4
-"""The covariance of a pair of levels is summed over lags that are 2^(j − OVERSAMPLED) apart, where j is the finer
-level. The spacing is smaller if V_jj would otherwise change by more than `_ALIKE`."""
+"""The lags of a pair of levels are 2^(j − OVERSAMPLED) apart (j is finer), or closer if V_jj changes by `_ALIKE`."""
 LEAST_LAGS = 2**15  # smallest number of positive lags in a sum, unless the recording is shorter
 _ALIKE = 2e-5  # largest relative change of V_jj with twice as many lags for which a spacing of lags is accepted
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """Compute V (J, J), in u⁴.
-
-    It is exact for N < 32768 and for the decimated transform. Otherwise its error is at most 2e-5 of the diagonal.
-    """
+    """Compute V (J, J), in u⁴: exact for N < 32768 and if decimated, otherwise within 2e-5 of the diagonal."""
     lags = Lags(model, design)
     v = np.zeros((design.levels.size, design.levels.size))
     for a in range(design.levels.size):
@@ -59,10 +49,7 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute Var log(ν̂_j²/ν̃_j²) (J,), with the classical estimate ν̂_j² and the robust estimate ν̃_j².
-
-    It is the difference of V_jj/ν_j⁴ of the robust and of the classical estimate.
-    """
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,), the difference of V_jj/ν_j⁴ of the robust and the classical estimate."""
     lags = Lags(model, design, beyond=True)
     excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
     return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
@@ -74,7 +61,7 @@ class Lags:
     def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
         self.design, self.beyond, self.few = design, beyond, design.few
         self.known = [_signal_covariance(model, design)]
-        self.smooth: dict[int, tuple[int, Vector]] = {}
+        self.smooth: dict[int, tuple[int, int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
         self.mean = means(model, design)
         self.own = _own_variances(self.known[0], design)
@@ -82,13 +69,11 @@ class Lags:
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
         deepest = int(design.levels[-1]) if self.cumulant else 0
-        # Largest filter length for which the fourth cumulant of uniform errors is used. A sum over a longer filter is
-        # nearly Gaussian.
+        # Longer filters make sums of uniform errors nearly Gaussian, without a fourth cumulant.
         self.error_filters = filtered.error_filters(design.filter, deepest, 256)
 
     def stage(self, a: int) -> int:
-        """Return the exponent `stage` of the largest spacing 2^stage of lags that is accurate for V_jj, and so for
-        V_jk, of the level j at index a and coarser levels k."""
+        """Return the largest `stage` with which lags 2^stage apart are accurate for V_jj, and so for V_jk."""
         level = int(self.design.levels[a])
         if self.design.transform == "dwt":
             return level - 1
@@ -112,8 +97,7 @@ class Lags:
         return np.asarray(total / design.counts[a] / design.counts[a:end])
 
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
-        """Yield, for each level k, its index and Cov(W_{j,t}, W_{k,t+u}) at lags u that are 2^stage apart: the first
-        lag over 2^stage, and the values. j and k are as for `row`."""
+        """Yield, for each level k, its index, the first lag over 2^stage, and Cov(W_{j,t}, W_{k,t+u}) at these lags."""
         while len(self.known) <= stage:
             self.known.append(_halved(self.known[-1], self.design.filter))
         below = (self.design.levels[a:end] - stage).tolist()
@@ -126,19 +110,30 @@ class Lags:
         """Return Cov(W_{j,t}, X_{t+u}), as the first lag and values at all lags with a pair that are not negligible. X
         are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`."""
         filter, known = self.design.filter, self.known[stage]
-        done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
+        far = known.size - 1
+        done, first, smooth = self.smooth.get(stage, (0, -far, known))
+        if not done:
+            # Beyond its memory, a stationary process has no covariance, so the lags there need no sums.
+            size = np.abs(known - known[-1])
+            memory = int(np.flatnonzero(size > np.finfo(float).eps * size.max()).max(initial=0)) + 1
+            part = known[:memory] - known[-1] if memory < known.size // 2 else known
+            first, smooth = 1 - part.size, np.concatenate([part[:0:-1], part])
         while done < level:
             check_stop()
             done += 1
-            smooth, detail = _step(smooth, filter, done)
+            step = (filter.length - 1) << (done - 1)
+            front, behind = (min(step, room) for room in (first + far, far + 1 - first - smooth.size))
+            padded = np.zeros(front + smooth.size + behind)
+            padded[front : front + smooth.size] = smooth
+            smooth, detail = (values[front:] for values in _step(padded, filter, done))
             # Values that need lags beyond the recording are left out; the result is D_j(−u).
-            self.cross[stage, done] = _cropped(detail[filter.width(done) - 1 :][::-1], 1 - known.size)
-        self.smooth[stage] = done, smooth
+            begin = max(0, filter.width(done) - 1 - far - first)
+            self.cross[stage, done] = _cropped(detail[begin:][::-1], 1 - first - detail.size)
+        self.smooth[stage] = done, first, smooth
         return self.cross[stage, level]
 
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
-        """Compute the covariance of the squares of two coefficients, or of their robust replacements, from their
-        covariance."""
+        """Compute the covariance of squared (or robust) coefficients from that of the coefficients."""
         terms = values * values
         if self.design.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
@@ -180,15 +175,11 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
     """Compute ν_j² ν_k² Σ_q c_q ρ^q from the squared covariances `squares` and ν_j² ν_k² = `size`."""
     weights = hermite_weights(efficiency)
     terms = np.asarray(weights[0] * squares)
-    # Squared correlation ρ² below which only the first term of the robust expansion, in ρ², is used; the next term is
-    # in ρ⁴.
+    # ρ² below which the robust expansion has only its first term; the next is in ρ⁴.
     felt = np.flatnonzero(squares > 1e-6 * size)
     rho2 = squares[felt] / size
     terms[felt] = size * rho2 * np.polyval(weights[::-1], rho2)
     return terms
-
-
-# --- covariances of coefficients ----------------------------------------------------------------------
 
 
 def _signal_covariance(model: Model, design: Design) -> Vector:
@@ -221,8 +212,7 @@ def _halved(known: Vector, filter: WaveletFilter) -> Vector:
 def _against(
     cross: tuple[int, Vector], n: int, filter: WaveletFilter, levels: list[int]
 ) -> Iterator[tuple[int, Vector]]:
-    """Yield Cov(W_{j,t}, W_{k,t+u}) of the first level j with each level k, as the first lag and values, from its
-    covariance with the signal (`cross`), whose covariance is known at n lags."""
+    """Yield Cov(W_{j,t}, W_{k,t+u}) for each level k, as first lag and values, from `cross`, that with the signal."""
     first, smooth = cross
     last = n - filter.width(levels[0])
     for level in range(1, levels[-1] + 1):
@@ -241,8 +231,7 @@ def _against(
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
     """Remove negligible values at both ends, and return the lag of the first remaining value and these values."""
     size = np.abs(values)
-    # Covariance of a coefficient and the signal, relative to the largest such covariance, below which far lags are left
-    # out.
+    # Relative covariance with the signal below which far lags are left out.
     there = np.flatnonzero(size > 1e-9 * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
     return first + int(begin), values[begin:end].copy()
@@ -269,12 +258,8 @@ def means(model: Model, design: Design) -> Vector:
     return slope * np.sqrt(filtered.drift_shape(design.filter, design.levels))
 
 
-# --- sums over lags -----------------------------------------------------------------------------------
-
-
 def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:
-    """Compute Σ_u n(u) f(u) from values of f at the lags 2^stage (first, first + 1, …); n(u) are the pairs at indices a
-    and b."""
+    """Compute Σ_u n(u) f(u) from f at the lags 2^stage (first, first + 1, …), with n(u) pairs of levels a and b."""
     if design.transform == "dwt":
         ahead = first % 2
         terms = terms[ahead::2]
@@ -290,8 +275,7 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
         total += step * float(np.arange(part.size) @ part) + nearest * float(part.sum())
     total *= step
     if step > 1:
-        # Correction at each kink of n(u): the difference of the Euler-Maclaurin formulas for these lags and for all
-        # lags.
+        # Correction at kinks of n(u): the difference of Euler-Maclaurin formulas for these lags and for all.
         lags = float(step) * np.arange(first, first + terms.size)
         for bend, turn in ((rise, 1), (0, -1), (coarse - fine, -1), (fall, 1)):
             beyond = (bend / step) % 1.0

@@ -1,11 +1,9 @@
 """Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
-The coefficients are second differences of a running sum. Their covariances are closed forms that are smooth functions
-of the lag between a few kinks. For a classical estimate and a sum of exponentials, white noise, random walks and
-tables, the sums over lags are closed forms too; see `gmwm.theory.processes.exponential_sum`. Power-law noise and robust
-estimates use a Gauss rule for sums over integers between two kinks. Every lag within the memory of a process from a
-kink is then summed individually.
-"""
+The coefficients are second differences of a running sum, whose covariances are closed forms, smooth in the lag between
+a few kinks. For a classical estimate and sums of exponentials, white noise, random walks and tables, sums over lags are
+closed forms too; robust estimates of an oscillation add higher powers by `cpp/src/hermite_sums.cpp`. Otherwise a Gauss
+rule for sums over integers is used between kinks, and every lag near them."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Matrix, Vector
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
@@ -27,8 +25,7 @@ from gmwm.theory.processes.model import Model
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Return whether this module can compute the covariance: maximal-overlap Haar transform, and only processes with a
-    closed form or a short memory."""
+    """Return whether this module has the covariance: overlapping Haar, processes of closed form or short memory."""
     present = [process for process in model.processes if process.scale > 0]
     if not design.running_sum:
         return False
@@ -50,31 +47,32 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Compute Var log(ν̂_j²/ν̃_j²) (J,), which is Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
-
-    ν̂_j² is the classical and ν̃_j² the robust estimate; see `gmwm.covariance.api.ratio_variances`.
-    """
-    assert design.efficiency is not None
+    """Compute Var log(ν̂_j²/ν̃_j²) (J,) = Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²; see `api.ratio_variances`."""
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = nodes.lags(present, design, diagonal=True)
-    half = np.ldexp(1.0, design.levels - 1)
-    own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
-    # A model without noise has no correlations.
-    unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
-    squares = (nodes.coefficient_covariance(present, at, design.rate) / unit) ** 2
-    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1], squares)
-    return np.asarray(np.add.reduceat(terms, starts) / design.counts.astype(np.float64) ** 2)
+    if (split := _split(present, design)) is not None:
+        _, powers = split.powers(design, diagonal=True)
+    else:
+        at, weight, starts = nodes.lags(present, design, diagonal=True)
+        known, pairs = nodes.coefficient_covariance(present, at, design.rate), _Pairs.of(design, diagonal=True)
+        _, powers = _powers(present, pairs, design, covariance=known, weight=weight, starts=starts)
+    return np.asarray(2.0 * powers / design.counts.astype(np.float64) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Indices of the finer and the coarser level of each pair, in the order of the kernel, with the half-scales h and
-    the numbers M of coefficients of all levels."""
+    """Indices of the finer and the coarser level of each pair, with half-scales h and numbers M of coefficients."""
 
     finer: NDArray[np.int64]
     coarser: NDArray[np.int64]
     half: Vector
     counts: Vector
+
+    @classmethod
+    def of(cls, design: Design, *, diagonal: bool) -> _Pairs:
+        """Return all pairs of levels, or each level with itself if `diagonal`."""
+        size = design.levels.size
+        coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
+        return cls(finer, coarser, np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64))
 
     def outer(self, values: Vector) -> Vector:
         """Return the product x_j x_k for each pair of levels, where x are `values` of the levels."""
@@ -83,27 +81,24 @@ class _Pairs:
 
 def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     """Compute V_jk for all pairs of levels, or V_jj for all levels if `diagonal`."""
-    size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
-    coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
-    pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
+    pairs = _Pairs.of(design, diagonal=diagonal)
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is None:
         out = _over_lags(model, design, pairs, *nodes.lags(present, design, diagonal=diagonal))
     else:
-        first, second = split.sums(design, diagonal=diagonal)
+        first, second = split.sums(design, design.few, diagonal=diagonal)
         out = _of_sums(model, design, pairs, first=first, second=second)
     for place, stride in enumerate(design.strides):
         if stride > 1:
-            mine = (finer == place) & (coarser == place if diagonal else True)
+            mine = (pairs.finer == place) & (pairs.coarser == place if diagonal else True)
             out[mine] = _strided(model, design, place, stride)[: np.count_nonzero(mine)]
     return out
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """Compute V_jk for a level j that uses only every s-th coefficient, and for k = j and all coarser levels. In steps
-    of s = `stride` samples, these are sums over all lags of a recording of N/s samples. Together with a level without
-    strides, all lags occur equally often, so the covariance is that without strides."""
+    """Compute V_jk for k ≥ j if level j uses every s-th coefficient (s = `stride`): sums over lags in steps of s, as of
+    N/s samples. With a level without strides, all lags are equally frequent, so strides have no effect."""
     levels = design.levels[place:]
     within = replace(
         design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
@@ -117,7 +112,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is not None:
-        sums = split.strided(stride, design).sums(within, diagonal=False)
+        sums = split.strided(stride, design).sums(within, design.few[place:], diagonal=False)
         return _of_sums(model, design, pairs, first=sums[0][first], second=sums[1][first], stride=stride)
     at, weight, starts = nodes.lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
@@ -132,34 +127,48 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """The processes of a model: those that together are the sum of exponentials `terms`, and the others (`smooth`),
-    which are approximately such a sum."""
+    """Processes of a model: the sum of exponentials `terms`, and the others (`smooth`), approximately such a sum."""
 
     terms: ExponentialSum
     smooth: list[Process]
 
-    def sums(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
-        """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`. Products of smooth
-        processes are summed over Gauss nodes; products with exponentials oscillate and use the approximation."""
+    def sums(self, design: Design, few: Booleans, *, diagonal: bool) -> tuple[Vector, Vector]:
+        """Compute Σ n Cov and Σ n Cov², or what replaces it in a robust estimate of levels that are not `few`, for all
+        pairs of levels, or for all levels if `diagonal`. Products of smooth processes are summed over Gauss nodes;
+        products with exponentials oscillate and use the approximation."""
         tables = [(_table(process, design, diagonal), process.scale) for process in self.smooth]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
         if self.smooth:
             at, weight, starts = nodes.lags(self.smooth, design, diagonal=diagonal)
             own = nodes.product_sums(self.smooth, at, weight, starts, rate=design.rate)
             first, second = first + own[0], second + own[1]
+        if design.efficiency is not None:
+            variance, powers = self.powers(design, diagonal=diagonal)
+            second = second + _Pairs.of(design, diagonal=diagonal).outer(np.where(few, 0.0, variance)) * powers
         return first, second
+
+    def powers(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
+        """Compute the variances 2^(2j) Var(W_j) (J,), and ½ Σ_{q = 4, 6, …} c_q Σ n ρ^q for the pairs of `sums`."""
+        assert design.efficiency is not None
+        weights = hermite_weights(design.efficiency)[1:] / 2
+        return _core.hermite_sums(design.levels, design.samples, diagonal, self._joined(design).kernel, weights)
 
     def strided(self, stride: int, design: Design) -> _Split:
         """Return the processes with lags in steps of `stride` samples."""
+        return _Split(self._joined(design).strided(stride), [])
+
+    def _joined(self, design: Design) -> ExponentialSum:
+        """Return all processes as one sum, with approximations of the smooth ones."""
         sums = [process.exponential_mixture(design.rate, design.samples) for process in self.smooth]
-        mixtures = [mixture for mixture in sums if mixture]
-        return _Split(ExponentialSum.joined([self.terms, *mixtures]).strided(stride), [])
+        return ExponentialSum.joined([self.terms, *(mixture for mixture in sums if mixture)])
 
 
 def _split(present: list[Process], design: Design) -> _Split | None:
-    """Return the processes as a sum of exponentials and smooth processes; None if the estimate is robust, a process has
-    another form, or no covariance oscillates beside a smooth process: a Gauss rule then needs few nodes for all."""
-    return None if design.efficiency is not None else _split_of(tuple(present), design.rate, design.samples)
+    """Return the processes as a sum of exponentials and smooth processes; None if a process has another form, or no
+    covariance oscillates and the estimate is robust or a process is smooth: a Gauss rule then needs few nodes."""
+    split = _split_of(tuple(present), design.rate, design.samples)
+    plain = design.efficiency is None or (split is not None and np.any(split.terms.decays.imag % np.pi))
+    return split if plain else None
 
 
 @lru_cache(maxsize=4)
@@ -194,17 +203,16 @@ def _over_lags(
     model: Model, design: Design, pairs: _Pairs, at: LagGrid, weight: Vector, starts: NDArray[np.int64],
     stride: int = 1,
 ) -> Vector:  # fmt: skip
-    """Compute V_jk for pairs of levels from the covariances of their coefficients at the nodes `at`, with weights and
-    the first node of each pair (`starts`). The coefficients are `stride` samples apart."""
+    """Compute V_jk from covariances at the nodes `at`, from `starts` on for each pair, `stride` samples apart."""
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None:
         first, second = nodes.product_sums(present, at, weight, starts, rate=design.rate)
     else:
         shapes, scales = nodes.shapes_at(present, at, design.rate)
         first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
-        covariance = nodes.total_at(shapes, scales, at)
-        robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
-        second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
+        known = nodes.total_at(shapes, scales, at)
+        own, powers = _powers(present, pairs, design, covariance=known, weight=weight, starts=starts)
+        second = second + pairs.outer(np.where(design.few, 0.0, own)) * powers
     return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
 
 
@@ -214,40 +222,35 @@ def _slope(model: Model) -> float:
 
 
 def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
-    """Compute V_jk for pairs of levels from the sums `first` = Σ n Cov and `second` = Σ n Cov² over lags with n
-    pairs."""
+    """Compute V_jk for pairs of levels from `first` = Σ n Cov and `second` = Σ n Cov² over lags with n pairs."""
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
     if slope := _slope(model):
         total += slope**2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
-        # The term is left out for a robust estimate: its variance is smaller too, but its mean is larger, and both
-        # effects nearly cancel in the relative variance.
+        # Not for robust estimates: a smaller variance and a larger mean nearly cancel in the relative variance.
         total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
-def _robust_sum(
+def _powers(
     present: list[Process], pairs: _Pairs, design: Design, covariance: Vector, weight: Vector,
     starts: NDArray[np.int64],
-) -> Vector:  # fmt: skip
-    """Compute ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, which replaces Σ n Cov² for a robust estimate, with variances σ² of
-    coefficients."""
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Compute the same as `_Split.powers` from the covariances at nodes."""
     assert design.efficiency is not None
     half = pairs.half
     own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     size = pairs.outer(own)
     # If all processes are zero, the correlation is not defined and the covariance is zero.
-    unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
-    squares = covariance * covariance / unit
-    terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
-    return np.asarray(size / 2 * np.add.reduceat(terms, starts))
+    squares = covariance**2 / np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
+    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1] / 2, squares)
+    return own, np.asarray(np.add.reduceat(terms, starts))
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄ for each pair of levels: weights c = (1, −2, 1) at the
-    offsets 0, h and 2h, and n pairs of coefficients with an error in common."""
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄, with c = (1, −2, 1) at 0, h and 2h, for each pair."""
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

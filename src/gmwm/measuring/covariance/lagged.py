@@ -1,12 +1,8 @@
 """Covariance of wavelet variances and of the moments at lags, summed over all lags of the coefficients.
 
-Let A be the generalised covariance of the signal, and h the half-scale of level j. Then
-
-    C_j(u) = Cov(W_{1,t}, W_{j,t+u}) = [2A(u + 1 − h) − A(u + 1) − A(u + 1 − 2h)] / (4h).
-
-The moment of a lag l is the mean square of Z_t = (W_{1,t} + W_{1,t−l})/√2. Its covariance with ν̂_j² is
-2 Σ_u n(u) Cov(Z_t, W_{j,t+u})² / (M_l M_j), where n(u) is the number of pairs of coefficients at the lag u.
-"""
+With the generalised covariance A and the half-scale h of level j, C_j(u) = Cov(W_{1,t}, W_{j,t+u}) = [2A(u + 1 − h) −
+A(u + 1) − A(u + 1 − 2h)] / (4h). The moment of a lag l is the mean square of Z_t = (W_{1,t} + W_{1,t−l})/√2. Its
+covariance with ν̂_j² is 2 Σ_u n(u) Cov(Z_t, W_{j,t+u})² / (M_l M_j), with n(u) pairs of coefficients."""
 
 from __future__ import annotations
 
@@ -19,8 +15,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.theory.processes.model import Model
 
 NEGLIGIBLE = 1e-7
-"""Share of the largest covariance below which lags at both ends are left out; a million of them change V by 1e-8. With
-a drift, V has the covariances themselves and not only their squares; no lag is left out then."""
+"""Share of the largest covariance below which lags are left out without a drift; 1e6 of them change V by 1e-8."""
 
 
 def covariance(model: Model, design: Design, wavelet: Matrix) -> Matrix:
@@ -94,8 +89,7 @@ class _Sums:
 
 
 def _against(known: Vector, samples: int, half: int, least: float) -> tuple[int, Vector]:
-    """Return the first lag and the values C_j(u) at the lags between those above the share `least` of the largest one,
-    from A(m) at all lags m."""
+    """Return the first lag and the C_j(u) between those above `least` of the largest, from A(m) at all lags."""
     u, middle = np.arange(1 - samples, samples), known.size // 2
     start = middle + int(u[0]) + 1
     here, before, after = (known[start - shift : start - shift + u.size] for shift in (half, 2 * half, 0))

@@ -1,22 +1,18 @@
 """Contribution of sinusoids with fixed amplitude and random phase to the covariance of a wavelet variance.
 
-The signal is X = Y + Σ_l A_l cos(ω_l t + U_l), where Y is Gaussian noise and the phases U_l are uniform and
-independent. Its wavelet coefficients are W_j = G_j + L_j, the sum of the coefficients of the noise and of the
-sinusoids. L_j² is nearly constant, so the main contribution comes from the product of L_j and G_j:
+The signal is X = Y + Σ_l A_l cos(ω_l t + U_l), with Gaussian noise Y and independent uniform phases U_l. Its wavelet
+coefficients are W_j = G_j + L_j (noise and sinusoids). L_j² is nearly constant, so the product of L_j and G_j matters:
 
     V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²).
 
 Here C_jk(u) = Cov(G_{j,t}, G_{k,t+u}) and R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], with the power P_l = A_l²/2 and
-the gain H_j of the wavelet filter of level j at ω_l. The second term is summed over lags if there are few lags, or if
-the sinusoid is so slow that the lags in the sum can be far apart. Otherwise the recording contains hundreds of periods
-of the sinusoid, and the term is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), where S is the spectral density of Y.
-Its relative error is about 2^k / M_k, which is small at the levels that contain such a sinusoid.
+the gain H_j of the wavelet filter at ω_l. The second term is summed if lags are few or can be far apart (slow
+sinusoid). Otherwise it is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), with the spectral density S of Y; its
+relative error is about 2^k / M_k.
 
-The last term comes from the random phases and is a sum of ½ Re(c_j c_k*). Let D_j(Ω) be the mean of e^(iΩt) over the
-coefficients of level j. Each sinusoid contributes c_j = ½A² H_j² D_j(2ω). Each pair l, m of sinusoids contributes
-c_j = A_l A_m H_j(ω_l) H_j(±ω_m) D_j(ω_l ± ω_m). If a drift causes a mean μ_j of the coefficients, each sinusoid also
-contributes c_j = 2μ_j A H_j D_j(ω).
-"""
+The last term is a sum of ½ Re(c_j c_k*). With the mean D_j(Ω) of e^(iΩt) over the coefficients of level j, each
+sinusoid contributes c_j = ½A² H_j² D_j(2ω), each pair c_j = A_l A_m H_j(ω_l) H_j(±ω_m) D_j(ω_l ± ω_m), and each
+sinusoid with a mean μ_j of the coefficients (drift) c_j = 2μ_j A H_j D_j(ω)."""
 
 from __future__ import annotations
 
@@ -37,8 +33,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 ALL_LAGS = 2**14
-"""Largest number of lags in the sum. Recordings up to this length use all lags; longer recordings with a slow sinusoid
-use lags that are further apart. Pinned by tests/covariance/test_lines.py, as is the next constant."""
+"""Largest number of summed lags; beyond, they are farther apart (tests/covariance/test_lines.py, also the next)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +51,7 @@ class TermLine:
 
 
 def apart(model: Model, design: Design) -> tuple[Model | None, tuple[TermLine, ...]]:
-    """Separate the noise of a model from its sinusoids. The noise is None if the model has only sinusoids, and the
-    model itself if it has none. Raises MissingTheoryError for sinusoids in a robust estimate."""
+    """Separate the noise of a model (None without noise) from its sinusoids, which no robust estimate may have."""
     seen = [process.line(design.rate) for process in model.processes]
     if not any(seen):
         return model, ()
@@ -97,9 +91,6 @@ def _all_gains(cycles: float, filter: WaveletFilter, count: int) -> NDArray[np.c
         gains[j] = gain * np.polyval(wavelet[::-1], z)
         gain *= complex(np.polyval(smooth[::-1], z))
     return gains
-
-
-# --- the phases ---------------------------------------------------------------------------------------
 
 
 def _of_phases(noise: Model | None, lines: tuple[TermLine, ...], design: Design) -> Matrix:
@@ -142,12 +133,8 @@ def _mean_turns(
     return np.asarray(size * np.exp(2j * np.pi * np.fmod(middle * cycles, 1.0)))
 
 
-# --- line and noise -----------------------------------------------------------------------------------
-
-
 def _with_noise(noise: Model, lines: Mapping[TermLine, float], design: Design, *, diagonal: bool) -> list[Matrix]:
-    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), the product of each sinusoid and the noise, from the
-    spectral density of the noise at the sinusoid for levels that are not summed over lags."""
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), or its limit with the spectral density of the noise."""
     size, counts = design.levels.size, design.counts.astype(np.float64)
     stages = [_stages(line, design) for line in lines]
     parts = [np.zeros((size, size)) for _ in lines]
@@ -187,8 +174,7 @@ def _turns(cycles: float, stage: int, samples: int) -> NDArray[np.complex128]:
 
 
 def _stages(line: TermLine, design: Design) -> NDArray[np.int64]:
-    """Return the exponent `stage` (J,) of the spacing 2^stage of lags for each level; −1 for the spectral density
-    instead."""
+    """Return the exponent (J,) of the spacing 2^stage of lags by level; −1 for the spectral density instead."""
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // ALL_LAGS) - 1, 0).bit_length()

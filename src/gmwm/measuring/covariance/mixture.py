@@ -1,10 +1,8 @@
 """Smooth curve through a wavelet variance, from the mixture of all processes with the largest likelihood.
 
-The estimate of a level with one degree of freedom can be a thousand times smaller than its expectation, and its weight
-1/ν̂⁴ would then dominate a fit. The smooth curve avoids this. It is a sum of all processes at many correlation times,
-whose variances maximise the chi-square likelihood of the levels. It does not depend on a model, so that all models are
-compared with the same weights.
-"""
+The estimate of a level with one degree of freedom can be a thousand times too small, and its weight 1/ν̂⁴ would
+dominate a fit. The variances of all processes at many correlation times maximise the chi-square likelihood of the
+levels. The curve does not depend on a model, so all models are compared with the same weights."""
 
 from __future__ import annotations
 
@@ -21,13 +19,11 @@ from gmwm.theory.processes.base import Process, registry
 from gmwm.theory.processes.model import Model
 
 CURVE_FREEDOM = 30.0
-"""Degrees of freedom of the smooth curve when it is averaged with a level, so that a level with one coefficient does
-not determine a fit. Pinned by tests/estimation/test_weights.py."""
+"""Degrees of freedom of the smooth curve in the average with a level (tests/estimation/test_weights.py)."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """Compute (η ν̂² + 30 ν̃²)/(η + 30) (J,) with the smooth curve ν̃² and η degrees of freedom; ν̂² if a level is
-    zero."""
+    """Compute (η ν̂² + 30 ν̃²)/(η + 30) (J,), smooth curve ν̃², η degrees of freedom; ν̂² if a level is zero."""
     if not np.all(wv.variance > 0):
         return wv.variance
     unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
@@ -46,10 +42,9 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
 def mixture(
     variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf, random: bool = False
 ) -> tuple[Vector, Model]:
-    """Compute the smooth curve (J,) through positive variances with `freedom` (J,), and the mixture of processes with a
-    known covariance as a model. With `within`, it has no drift and no correlation time above `within` (s), except
-    random walks and flicker noise. With `random`, it has no drift and no sinusoid: their wavelet variance is not
-    random, so V of the coarsest levels would be too small."""
+    """Compute the smooth curve (J,) through positive variances, and its mixture of processes as a model. `within`
+    excludes drift and correlation times above it (s), but not walks and flicker noise. `random` excludes drift and
+    sinusoids, whose wavelet variance is not random: V of the coarsest levels would be too small."""
     levels = tuple(design.levels.tolist())
     processes, shapes = _candidates(levels, design.longest, design.rate, design.filter)
     known = _known(levels, design.longest, rate=design.rate, filter=design.filter, within=within)
@@ -92,7 +87,6 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
     weights = np.zeros(len(shapes))
-    # Largest number of iterations.
     for _ in range(30):
         # Fisher scoring of the gamma likelihood: least squares with weights from the last curve.
         root = np.sqrt(freedom / 2) / curve
@@ -101,8 +95,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
         found, _ = _core.nonnegative_least_squares(root * observed, np.ascontiguousarray(rows / length))
         weights = found / length[:, 0]
         before, curve = curve, weights @ shapes
-        # Relative change of the curve below which the iterations end. The curve is only used for weights, which need
-        # two digits; tests/estimation/test_weights.py pins the fits that use it.
+        # The curve is for weights, which need two digits; tests/estimation/test_weights.py pins fits that use it.
         if np.all(np.abs(curve - before) <= 1e-3 * before):
             break
     return curve, weights
@@ -124,7 +117,6 @@ def _candidates(
             processes.append(kind.standard())
             rows.append(kind.moments(np.empty((1, 0)), number, rate, filter))
         for branch in kind.search(samples, rate):
-            # Number of correlation times of each process with a correlation time.
             places = branch.values(np.linspace(branch.low, branch.high, 48))
             processes += map(kind.standard, places)
             rows.append(kind.moments(places, number, rate, filter))

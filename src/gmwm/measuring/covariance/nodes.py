@@ -1,8 +1,6 @@
-"""Nodes at which covariances of Haar coefficients are summed over lags, and these covariances.
+"""Nodes at which covariances of Haar coefficients are summed over lags, and these covariances, both cached.
 
-Between two kinks a smooth covariance needs the few nodes of a Gauss rule for sums over integers. Near a kink, every lag
-within the memory of a process is a node. Nodes, and covariances of shapes that occur again, are cached.
-"""
+Between kinks, a Gauss rule for sums over integers needs few nodes; near a kink, every lag is a node."""
 
 from __future__ import annotations
 
@@ -21,11 +19,9 @@ from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import WANDERING, LagGrid
 
 MOST_NODES = 400_000
-"""Largest number of nodes that are cached together, which take 14 MB. For 19 levels without a memory, these are 2 to 15
-sets."""
+"""Largest number of cached nodes, 14 MB: 2 to 15 sets for 19 levels without a memory."""
 SLOWEST_DECAYS = 20.0
-"""Lower end of the range of decay rates, multiplied by the number of samples, below which the nodes do not change. The
-kernel divides the lags at distances that double up to the number of samples, or up to 40 divided by the rate."""
+"""Decay rates times samples below this do not change the nodes: the kernel divides lags up to 40 / rate at most."""
 MOST_CACHED = 1_050_000  # largest number of values that are cached for the shapes of a grid that are not fixed
 
 
@@ -62,8 +58,7 @@ def lags(
 
 
 _Key = tuple[int, tuple[float, float], bool, bool, int]
-"""Number of samples, range of decay rates, whether a covariance alternates, whether only the diagonal is needed, and
-memory."""
+"""Samples, range of decay rates, whether a covariance alternates, whether only the diagonal is needed, and memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +94,7 @@ class _Grids:
                 self._kept[key] = found
         if found is None or found.levels[: len(levels)] != levels:
             found = _computed(levels, key)
-            # Largest memory of a process (samples) for which the nodes of the sums over lags are cached. For 19 levels,
-            # they take 46 MB at most, and 6 MB if no process has a memory.
+            # Memory (samples) up to which nodes are cached: 46 MB at most for 19 levels, 6 MB without a memory.
             if key[-1] <= 1024:
                 with self._lock:
                     self._kept.pop(key, None)
@@ -152,8 +146,7 @@ def total_at(shapes: list[Vector], scales: list[float], at: LagGrid) -> Vector:
 def product_sums(
     present: list[Process], at: LagGrid, weight: Vector, starts: Integers, rate: float
 ) -> tuple[Vector, Vector]:
-    """Compute Σ n Cov and Σ n Cov² over the nodes of each pair of levels, for exponentials pair by pair to avoid large
-    arrays. If a shape is needed a second time, its covariances at all nodes are cached."""
+    """Compute Σ n Cov and Σ n Cov² over the nodes of pairs of levels, exponentials pair by pair to save memory."""
     parts = [None if at.pieces is None else _exponential_part(process, rate) for process in present]
     exponential = [part for part in parts if part is not None]
     shapes, scales = shapes_at([p for p, part in zip(present, parts, strict=True) if part is None], at, rate)
@@ -191,8 +184,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
     if at.whole is not None:
         shapes, scales = shapes_at(present, at.whole, rate)
         return [shape[: at.lag.size] for shape in shapes], scales
-    # Largest number of nodes of a grid for which the covariances of fixed shapes are cached. Each node and shape takes
-    # 8 bytes.
+    # Nodes up to which covariances of fixed shapes are cached, at 8 bytes each.
     if at.lag.size > 2_000_000:
         total = np.zeros_like(at.lag)
         for process in present:
@@ -200,8 +192,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
         return [total], [1.0]
     shapes, scales = [], []
     for process in present:
-        # The shape does not depend on the scale. Models that are compared share fixed shapes. Other shapes are shared
-        # by the weights and the covariance of a fit, and by the fits that determine an upper limit.
+        # Shapes do not depend on scales: compared models share fixed ones, and fits, covariances and limits others.
         fixed = _has_fixed_shape(process)
         if not fixed and at.lag.size > MOST_CACHED // 2:
             shapes.append(process.coefficient_covariance(at, rate))
@@ -242,8 +233,7 @@ def _exponential_part(process: Process, rate: float) -> tuple[float, float] | No
 
 
 def exponential_sum(process: Process, rate: float) -> ExponentialSum | None:
-    """Return the `exponential_sum` of the class that defines the covariance, because a subclass may have another
-    one."""
+    """Return the sum of exponentials of the class that defines the covariance: a subclass may have another one."""
     kind = next(kind for kind in type(process).__mro__ if _COVARIANCES & vars(kind).keys())
     terms: ExponentialSum | None = vars(kind).get("exponential_sum", Process.exponential_sum)(process, rate)
     return terms

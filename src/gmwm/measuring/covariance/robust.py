@@ -14,21 +14,12 @@ from gmwm.theory.processes.model import Model
 
 
 def hermite_weights(efficiency: float) -> Vector:
-    """Return the weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
-
-    For a Gaussian signal, the covariance of the robust estimates is
+    """Return the weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate, for Gaussian signals:
 
         Cov(ν̃_j², ν̃_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k),
 
-    with the correlation ρ_jk(u) of W_{j,t} and W_{k,t+u}, the number n(u) of pairs at lag u, and the number M_j of
-    coefficients. The weights are c_q = q! b_q² / b_2², where b_q = E[ρ(r) He_q(r)] / q! are the Hermite coefficients of
-    the biweight ρ(r). For the classical estimate c_2 = 2 is the only weight; for the robust estimate
-    Σ c_q = 2 / efficiency. The sum of the weights beyond q = 16 is added to the last weight, so that the efficiency is
-    exact for uncorrelated coefficients.
-
-    >>> hermite_weights(0.6).round(5)[:4]
-    array([2.     , 1.0747 , 0.22872, 0.02811])
-    """
+    with the correlation ρ_jk(u) of W_{j,t} and W_{k,t+u}. c_q = q! b_q² / b_2², b_q = E[ρ(r) He_q(r)] / q!, biweight ρ.
+    The classical estimate has c_2 = 2 only; otherwise Σ c_q = 2 / efficiency, the last with the sum beyond 16."""
     return _weights(float(efficiency))
 
 
@@ -51,9 +42,8 @@ def _weights(efficiency: float) -> Vector:
 
 
 def rounding_bias(model: Model, design: Design) -> Vector:
-    """Compute the relative error (J,) of robust Haar wavelet variances by uniform rounding errors, which have lighter
-    tails than Gaussian ones: −√(c_4/24) κ_j to first order in the excess kurtosis κ_j of the coefficients, of which
-    (1, −2, 1)/2^j multiply the errors. c_4 is the second of the `hermite_weights`."""
+    """Compute the relative error (J,) of robust Haar variances by uniform rounding errors, −√(c_4/24) κ_j to first
+    order in the excess kurtosis κ_j of coefficients, (1, −2, 1)/2^j on the errors, with c_4 of `hermite_weights`."""
     cumulant = sum(process.error_cumulant for process in model.processes if process.scale > 0)
     if not cumulant or design.efficiency is None or not design.running_sum:
         return np.zeros(design.levels.size)
@@ -64,15 +54,12 @@ def rounding_bias(model: Model, design: Design) -> Vector:
 
 @lru_cache(maxsize=64)
 def ratio_skewness(efficiency: float) -> float:
-    """Compute the skewness of log(ν̂²/ν̃²) for uncorrelated Gaussian coefficients, divided by its standard deviation.
+    """Compute the skewness of log(ν̂²/ν̃²) for uncorrelated Gaussian coefficients, over its standard deviation.
 
-    ν̂² is the classical and ν̃² the robust estimate from M coefficients with r = W/ν. To second order,
-
-        log(ν̂²/ν²) = A − A²/2,  log(ν̃²/ν²) = G − G K + L G²/2.
-
-    A, G and K are the means of r² − 1, (ρ − a)/b and k = rρ′/(2b) − 1, and L is the expectation of r(rρ′)′/(4b), with
-    the biweight ρ, its expectation a, and b = b_2 of `hermite_weights`. Because h = r² − 1 − (ρ − a)/b is uncorrelated
-    with r² − 1, the third cumulant is [E h³ − 6 E h² E(hk) − 3 L (E h²)²] / M².
+    To second order, for M coefficients with r = W/ν, log(ν̂²/ν²) = A − A²/2 and log(ν̃²/ν²) = G − G K + L G²/2, with
+    the means A, G, K of r² − 1, (ρ − a)/b and k = rρ′/(2b) − 1, L = E r(rρ′)′/(4b), and the biweight ρ with E ρ = a and
+    b = b_2 of `hermite_weights`. As h = r² − 1 − (ρ − a)/b is uncorrelated with r² − 1, the third cumulant is [E h³ − 6
+    E h² E(hk) − 3 L (E h²)²] / M².
 
     >>> round(ratio_skewness(0.6), 2), round(ratio_skewness(0.9), 1)
     (8.86, 22.7)

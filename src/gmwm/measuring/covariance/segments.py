@@ -11,13 +11,11 @@ from gmwm.base.arrays import Matrix
 from gmwm.measuring.covariance.design import Design
 
 EXACT_LENGTHS = 64
-"""Largest number of different segment lengths that are computed individually. For more lengths, results are
-interpolated."""
+"""Largest number of different segment lengths that are computed individually; more are interpolated."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) for independent segments with M_sj coefficients of level j.
-    `alone` returns V_s (J, J) for the design of a segment, or its diagonal; segments of equal length share it."""
+    """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) of independent segments; `alone` returns V_s or its diagonal."""
     counts, total = design.counts, None
     for length, times in lengths_of(design.lengths):
         segment = design.segment(length, counts)
@@ -39,8 +37,7 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 def lengths_of(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
     """Yield segment lengths to compute, and the number of segments that each represents. M² V is convex in the length
     and nearly linear beyond a few scales, so a length between two nodes is divided between both nodes."""
-    # Number of nodes of the interpolation per octave of segment length. The error is at most 1 %
-    # (tests/covariance/test_segments.py).
+    # Nodes per octave of segment length, for an error of at most 1 % (tests/covariance/test_segments.py).
     octave = 8
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT_LENGTHS:

@@ -1,18 +1,13 @@
 """Covariance of the wavelet variance that heavy tails or a varying variance add to the covariance of a Gaussian signal.
 
-Where the noise has outliers or a large variance, the squared coefficients of all levels are large together. This adds a
-common factor to the errors of the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Here V is the covariance for a
-Gaussian signal, and E = c l lᵀ with a size c and a loading l_j ≤ 1 for each level. For N independent samples with
-excess kurtosis κ, E_jk = κ / N at every level. The loading of a level is less than 1 if a part of its variance comes
-from another process.
+Outliers or a large variance make the squared coefficients of all levels large together: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk
+ν_j² ν_k², with V of a Gaussian signal and E = c l lᵀ with loadings l_j ≤ 1. N independent samples with excess kurtosis
+κ have E_jk = κ / N; l_j < 1 if a part of the level comes from another process.
 
-The factor is estimated from the mean squares of the coefficients in blocks of B samples, one for each block and level.
-Their relative covariance times B is compared with the covariance G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²) of a
-Gaussian signal with the same spectral density S, where H_j is the gain of the wavelet filter of level j. λ is the ratio
-of the two variances of a weighted mean over the levels; without a common factor it is 1. The loadings l are 1 up to
-some level. At coarser levels, they are the share of white noise in the curve. For independent samples λ does not depend
-on B. If the variance varies slowly, λ increases with B. Longer blocks are used if their λ is significantly larger.
-"""
+The relative covariance of mean squares in blocks of B samples, times B, is compared with the Gaussian covariance G = 2
+∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²), with filter gains H_j and spectral density S. λ is the ratio of both variances of a
+weighted mean over levels, 1 without a common factor. l is 1 up to some level, and the share of white noise beyond. λ
+increases with B only if the variance varies slowly; longer blocks are used if their λ is significantly larger."""
 
 from __future__ import annotations
 
@@ -37,13 +32,11 @@ class TailLimits:
     block_with_lags: int = 32
     """Number of samples of the shortest blocks if there are moments at lags, which are for short series."""
     least_block_in_scales: int = 8
-    """Smallest length of a block, as a multiple of the scale. In shorter blocks, coefficients of different blocks are
-    correlated."""
+    """Smallest block, in scales; coefficients of shorter neighbouring blocks are correlated."""
     most_levels: int = 12  # largest number of levels whose covariance is measured
     least_blocks: int = 24  # smallest number of blocks from which a covariance is measured
     chance: float = 3.5
-    """Number of standard errors by which λ must exceed 1. Pinned by tests/covariance/test_tails.py and
-    docs/validation/tails.md, as are the other constants of this module."""
+    """Standard errors by which λ must exceed 1 (tests/covariance/test_tails.py, docs/validation/tails.md; all here)."""
     chance_with_lags: float = 2.5
     """The same for the shortest blocks if there are moments at lags (docs/validation/moments.md)."""
     change_by_ends: float = 0.05  # largest change of λ that the ends of blocks cause
@@ -51,8 +44,7 @@ class TailLimits:
     """Smallest relevant additional variance of a level, relative to the variance for a Gaussian signal. It changes a
     standard error by 2.5 %. Smaller values occur by chance if levels of a low-pass filtered signal are nearly equal."""
     agreement: float = 0.1
-    """Largest relative difference between the measured wavelet variance of a level and the wavelet variance that
-    follows from the spectral density. Levels with a larger difference are not used."""
+    """Largest relative difference between the variance of a used level and that of the spectral density."""
 
 
 LIMITS = TailLimits()
@@ -64,9 +56,8 @@ two standard errors, and 95 %, 95 % and 90 % with it (tests/covariance/test_tail
 
 
 class TailSums:
-    """Sums over a signal that arrives in chunks, from which the matrix E of the module docstring is estimated. The
-    memory is small. It has two matrices for each block length, one spectral density, and a few numbers for each 131 072
-    samples."""
+    """Sums from which E of the module docstring is estimated, for a signal in chunks: two matrices for each block
+    length, a spectral density, and a few numbers for each 131 072 samples."""
 
     def __init__(self, block: int = LIMITS.block, chance: float = LIMITS.chance) -> None:
         self._panels = Panels(LEAST_PANEL_SAMPLES)
@@ -161,16 +152,8 @@ class TailSums:
 
 
 def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
-    """Estimate the relative covariance E (J, J) that heavy tails or a varying variance add to that of Gaussian noise.
-
-    `wv` is the classical Haar wavelet variance of the signal. Moments at lags have the loading of level 1. The result
-    is None if a Gaussian signal explains the covariance; see the module docstring.
-
-    >>> from gmwm import wavelet_variance
-    >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
-    >>> bool(2.0 < excess_covariance(x, wavelet_variance(x))[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
-    True
-    """
+    """Estimate the relative covariance E (J, J) of heavy tails or a varying variance for a classical Haar `wv`, or None
+    if Gaussian noise explains it. Moments at lags have the loading of level 1."""
     haar = wv if wv.without_lags is wv else wavelet_variance(x)
     sums = TailSums() if haar is wv else TailSums(LIMITS.block_with_lags, LIMITS.chance_with_lags)
     for segment in x.segment_values():
@@ -181,8 +164,7 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
 
 
 def with_tails(wv: WaveletVariance, x: Signal) -> WaveletVariance:
-    """Return the curve of a signal with the covariance of heavy tails if it has moments at lags, which are for time
-    series with errors of any law. `calibrate` adds it to wavelet variances, from sums of the inspection."""
+    """Add the covariance of heavy tails to a curve with moments at lags; `calibrate` adds it to others."""
     return wv if wv.without_lags is wv else replace(wv, excess=excess_covariance(x, wv))
 
 
@@ -193,16 +175,14 @@ def _shapes(wv: WaveletVariance) -> Matrix:
 
 
 def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
-    """Return the common factor √c l (J,), and the ratio λ of the two variances. If `relative` = G + c l lᵀ with G =
-    `gaussian`, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are u_j = l_j / G_jj, because G⁻¹
-    l would contain differences of nearly equal levels, which depend on the ends of the blocks."""
+    """Return the common factor √c l (J,), and the ratio λ of the two variances. If `relative` = G + c l lᵀ, weights u
+    give λ = 1 + c (u·l)² / uᵀ G u. u_j = l_j / G_jj, as G⁻¹ l would contain differences of nearly equal levels."""
     reach = gaussian.shape[0]
     fine = shapes[:, :reach]
     weights = fine / np.diag(gaussian)
     expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
     ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
-    # Share of the largest λ − 1 that is sufficient. Of the loadings that reach it, those with the fewest levels of
-    # loading 1 are used.
+    # Sufficient share of the largest λ − 1; of such loadings, those with the fewest levels of loading 1 are used.
     best = int(np.argmax(ratios - 1 >= 0.98 * (np.max(ratios) - 1)))
     size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
     return np.asarray(size * shapes[best]), float(ratios[best])
@@ -217,8 +197,7 @@ def _block_means(panel: Vector, block: int, levels: int, count: int) -> Matrix:
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
-    """Return the number of segments of a panel, half overlapping with a Hann window, and the sum of their
-    periodograms."""
+    """Return the number of half-overlapping Hann segments of a panel, and the sum of their periodograms."""
     from scipy.fft import rfft
 
     window = np.hanning(length + 1)[:-1]
@@ -237,8 +216,7 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
 
 
 def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
-    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of Gaussian noise and ν_j², at the levels that segments resolve,
-    from `power`, the mean of `number` periodograms of segments of `length` samples."""
+    """Compute G = N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of Gaussian noise and ν_j² at the levels that segments resolve."""
     levels = min(LIMITS.most_levels, int(np.log2(length // LIMITS.least_block_in_scales)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]

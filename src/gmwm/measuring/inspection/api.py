@@ -91,8 +91,7 @@ def inspect(
 
 
 def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
-    """Return the inspections of the parts of one recording, with the gravity in the first one if the accelerometers are
-    in several parts."""
+    """Return the inspections of parts of a recording, with gravity in the first if several have accelerometers."""
     axes = {axis: item for part in inspections for axis, item in part.axes.items()}
     if len(inspections) < 2 or any(part.gravity is not None for part in inspections):
         return inspections
@@ -170,9 +169,7 @@ class FirstPass:
 
 
 class RecordingStatistics:
-    """Statistics of all axes of a recording, from its batches in order. `remarks` are those of the reader, `base` the
-    time stamps, `resolutions` the quantization step of each axis or None, and `temperature` its range (°C) or None.
-    `values(axis, first, last)` returns a range of samples."""
+    """Statistics of all axes of a recording, from its batches in order; `values(axis, first, last)` returns samples."""
 
     def __init__(
         self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
@@ -227,11 +224,10 @@ class RecordingStatistics:
             step for step in steps
             if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)
         )  # fmt: skip
-        # Change of the direction of gravity (degrees) above which there is a remark, as by a bias of 1.7 mg.
-        # Change of the direction of gravity (standard errors) that noise does not explain.
+        # Turns of gravity above 0.1° (a bias of 1.7 mg) that noise, at five standard errors, does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
-        motions = findings.of_motion(motion, tilt if turned else None, knocks)
+        motions = findings.of_motion(motion, tilt if turned else None, knocks, extent)
         coarse = {
             axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
         }
@@ -269,8 +265,7 @@ class RecordingStatistics:
         return next(iter(self._axes.values())).length
 
     def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
-        """Return the jumps of all axes: those between neighbouring blocks, and those that stand out of the noise at any
-        time scale."""
+        """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
         steps = list[Step]()
         for axis, sums in self._axes.items():
             if axis in axes_with_two_levels(self._remarks):
@@ -304,8 +299,7 @@ class RecordingStatistics:
         )  # fmt: skip
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
-        """Return the first time (s) at which an axis is constant for a window, and the share of such windows; None if
-        rounding explains them."""
+        """Return the first time (s) and the share of windows in which an axis is constant; None if due to rounding."""
         measured = sums.steps.counts > 0
         still, step = measured & (sums.steps.means == 0), self._resolutions[axis] or 0.0
         moving = measured & ~still
@@ -317,11 +311,8 @@ class RecordingStatistics:
         return float(self._extent.times([first])[0]), float(np.mean(still[measured]))
 
     def _densities(self) -> dict[str, float]:
-        """Return the white noise density of each gyroscope (rad/s/√Hz).
-
-        It is the smaller one of the densities from first differences and from differences of block means, because a
-        line such as a dither raises the first, and a drift the second. The medians ignore knocks.
-        """
+        """Return each gyroscope's white noise density (rad/s/√Hz): the smaller of medians, which ignore knocks, of
+        first differences (raised by lines) and block means (raised by drifts)."""
         densities, rate = {}, max(self._extent.rate, _SLOWEST)
         for axis, sums in self._axes.items():
             measured, unit = sums.steps.counts > 0, find_unit(self._units[axis])
@@ -384,8 +375,7 @@ def _specific_force(axes: Mapping[str, AxisInspection]) -> tuple[float | None, V
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int, still: NDArray[np.bool_]
 ) -> tuple[float | None, float | None, float]:
-    """Return the norm of the mean specific force (m/s²), its largest turn (°) in the windows that are `still`, and that
-    of noise alone (°)."""
+    """Return the norm of the mean specific force (m/s²), its largest turn (°) in `still` windows, and that of noise."""
     norm, mean = _specific_force(axes)
     if not norm:
         return norm, None, 0.0

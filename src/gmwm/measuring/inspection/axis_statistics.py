@@ -1,8 +1,4 @@
-"""Compute statistics of one axis of a recording from chunks of any length, in bounded memory.
-
-They show the time ranges in which a unit was moved or shaken, and still parts between which it was turned, as for six
-positions.
-"""
+"""Statistics of one axis from chunks of any length, in bounded memory; they show motion and still parts."""
 
 from __future__ import annotations
 
@@ -22,8 +18,7 @@ _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory an
 
 
 class AxisStatistics:
-    """Moments, outliers and levels of one axis, whose samples are passed to `update` in order. The quantization step
-    `resolution` is 0 if none is visible."""
+    """Moments, outliers and levels of one axis, from samples in order; `resolution` is 0 if no step is visible."""
 
     def __init__(self, extent: Extent, resolution: float) -> None:
         self._extent, self._resolution = extent, resolution
@@ -199,20 +194,17 @@ class Moments:
 
 
 _SHAKEN = 4.0
-"""Ratio of the standard deviation of a window to the median of all windows, above which the unit was not at rest
-(tests/test_inspection_limits.py)."""
+"""Ratio of the spread of a window to the usual one at which a unit is not at rest (tests/test_inspection_limits.py)."""
 _TOUCHED = 2.0
 """Ratio above which a window beside such a window belongs to the motion (tests/test_inspection_limits.py)."""
 _UNLIKE, _LINKED = 1.2, 0.5
-"""Smallest ratio of the 90 % to the 10 % quantile of the standard deviations of windows, and smallest correlation of
-the ranks of neighbouring windows, with which the level of the noise changes. In 300 recordings of steady noise, also
-with heavy tails, the correlation is at most 0.41 (tests/test_inspection_faults.py)."""
+"""Smallest ratio of the 90 % to the 10 % quantile of spreads of windows, and smallest rank correlation of neighbours,
+for a change of level: at most 0.41 in 300 recordings of steady noise (tests/test_inspection_faults.py)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Time ranges of motion (s since the first sample of the file), rounded outwards, the largest ratio of the standard
-    deviation to its usual value for each axis that moved, and the windows without motion."""
+    """Time ranges of motion (s, rounded outwards), largest relative spread by axis, and windows without motion."""
 
     spans: tuple[tuple[float, float], ...]
     ratios: Mapping[str, float]
@@ -249,9 +241,8 @@ def motion_of(statistics: Mapping[str, AxisStatistics], knocks: Sequence[Knock],
 
 
 def level_change(sums: AxisStatistics, motion: Motion, extent: Extent) -> tuple[float, float] | None:
-    """Return the ratio of the levels of the noise in its loud and its quiet windows, and the time (s) between two
-    windows at which it changes most; None if it does not change. The level is that of first differences, which slow
-    noise does not affect."""
+    """Return the ratio of the noise in loud and quiet windows, and the time (s) of the largest change; None without.
+    First differences are used, which slow noise does not affect."""
     used = np.flatnonzero(motion.still & (sums.steps.means > 0))
     if used.size < 32:
         return None
@@ -297,10 +288,7 @@ _SHORTEST, _FEWEST = 8, 3  # fewest blocks of a still part, and fewest positions
 def still_parts(
     levels: Mapping[str, list[tuple[int, Vector]]], length: int, extent: Extent
 ) -> list[tuple[float, float]]:
-    """Return the times (s) of the still parts of a recording with three positions or more; [] for other recordings.
-
-    `levels` are the block medians of each axis, with the first sample of each range; a block has `length` samples.
-    """
+    """Return the times (s) of the still parts of a recording with three positions or more; otherwise []."""
     axes = [levels.get(f"accel_{axis}", []) for axis in "xyz"]
     parts, directions = list[tuple[float, float]](), list[Vector]()
     for ranges in zip(*axes, strict=False):

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0
-"""Change of the direction of gravity (degrees) above which the sensor has moved, as by a bias of 17 mg
-(tests/test_inspection_limits.py, as all limits here)."""
+"""Change of the direction of gravity (°) that shows motion, as by a bias of 17 mg (tests/test_inspection_limits.py)."""
 
 _NOISY = 0.1  # noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)
 
@@ -46,8 +45,7 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     if base.duplicates:
         # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
         many = base.duplicates > 1e-3 * extent.samples
-        # Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
-        # were written twice. If time stamps are only rounded, the samples differ.
+        # Repeated stamps and samples agree in number for rows written twice, not if stamps are only rounded.
         twice = many and abs(same / base.duplicates - 1) <= 0.1
         repeated = Remark.of("stamps-irregular", case="repeated", count=base.duplicates)
         yield Remark.of("rows-repeated", count=base.duplicates) if twice else repeated
@@ -75,22 +73,17 @@ def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str])
         )  # fmt: skip
 
 
-def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...]) -> Iterator[Remark]:
-    """Yield remarks on knocks and motion, one for each axis that moved, and on a change of the direction of gravity
-    (`tilt`, degrees) that noise does not explain."""
+def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...], extent: Extent) -> Iterator[Remark]:
+    """Yield remarks on knocks, on motion by axis, and on a change of the direction of gravity (`tilt`, °)."""
     shown = tuple(f"{moment(begin)} to {moment(end)}" for begin, end in motion.spans)
     for axis in motion.ratios:
         ratio = max(motion.ratios.values())
         yield Remark.of("recording-moved", axis, case="moved", parts=shown, ranges=motion.spans, ratio=ratio)
     if tilt is not None:
-        angle = Quantity(tilt, "°")
-        tilted = tilt > MOVED
-        yield (
-            Remark.of("recording-moved", case="tilted", angle=angle)
-            if tilted
-            else Remark.of("recording-settles", angle=angle)
-        )
-    if knocks:
+        code, case = ("recording-moved", {"case": "tilted"}) if tilt > MOVED else ("recording-settles", {})
+        yield Remark.of(code, **case, angle=Quantity(tilt, "°"))
+    # Knocks whose samples together add less than 1 % to the variance of sums change N by at most 0.5 %.
+    if sum((knock.peak * (1 + knock.duration * extent.rate)) ** 2 for knock in knocks) > 0.01 * extent.samples:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
 
 
@@ -108,11 +101,17 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
         jumps = [step for step in steps if step.axis == axis and not step.at_gap]
         if jumps:
             case = "possible" if all(step.possible for step in jumps) else "clear"
-            yield Remark.of("level-steps", axis, case=case, count=len(jumps), first=Quantity(jumps[0].time, "s"))
+            yield Remark.of("level-steps", axis, case=case, **places_of(jumps))
         restarts = [step for step in steps if step.axis == axis and step.at_gap]
         if restarts:
             first = Quantity(restarts[0].time, "s")
             yield Remark.of("gaps-filled", axis, case="restart", count=len(restarts), first=first)
+
+
+def places_of(jumps: Sequence[Step]) -> dict[str, Fact]:
+    """Return the number of some jumps and their times, for a remark."""
+    places = tuple(moment(jump.time) for jump in jumps)
+    return {"count": len(jumps), "places": places, "first": Quantity(jumps[0].time, "s")}
 
 
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
@@ -154,8 +153,7 @@ def of_swings(swings: tuple[Swing, ...], units: Mapping[str, str]) -> Iterator[R
 
 
 def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:
-    """Return the time (s) at the beginning of a recording that is best left out because of large warm-ups; 0 if there
-    is none, and None if too little would be left of the recording."""
+    """Return the time (s) to omit because of large warm-ups; 0 if none, None if too little would remain."""
     longest = _longest(trends, small=False)
     # At least half of the recording must be left for a calibration (docs/howto/record.md).
     return None if longest > 0.5 * duration else round_up(longest) if longest else 0.0
@@ -180,8 +178,7 @@ def omission_remarks(inspection: Inspection, start: float) -> tuple[Remark, ...]
 
 
 def of_conditions(regressions: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
-    """Yield remarks on the axes that depend on conditions and those that do not, or why the temperature is
-    `unknown`."""
+    """Yield remarks on axes that depend on conditions and those that do not, or on an `unknown` temperature."""
     if unknown:
         yield Remark.of("conditions", case="unknown", reason=unknown)
     for axis, regression in regressions.items():
@@ -250,8 +247,7 @@ def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
 
 
 def round_up(seconds: float) -> float:
-    """Round a duration (s) up to a multiple of 1 s, 10 s, 1 min, 5 min, 30 min or 1 h: the first that is at least 1/20
-    of it.
+    """Round a duration (s) up to a multiple of 1 s, 10 s, 1 min, 5 min, 30 min or 1 h, the first that is ≥ 1/20 of it.
 
     >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
     [1.0, 50.0, 240.0, 1500.0, 9000.0]
@@ -266,10 +262,9 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
     # Relative error of gravity above which there is a remark, more than a good accelerometer has.
     if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
-        # Offsets of 100 mg on three axes and a scale factor error of 3 %, which low-cost parts may have, change gravity
-        # by up to 15 %. With a larger error, the unit may be wrong.
+        # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
         if abs(error) > 0.15:
-            yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
+            yield Remark.of("unit-doubtful", "accel", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
 
@@ -287,8 +282,7 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         # variance step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md).
         if ratio > 2.0:
             yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=("N", "B", "K", "Q", "q_c"))
-        # Quantization step (standard deviations σ of the noise) above which rounding adds at least 2 %, step²/24σ², to
-        # N.
+        # Step (standard deviations σ) above which rounding adds at least 2 %, step²/24σ², to N.
         elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, case="rounded", step=step, ratio=ratio, density=density)
@@ -301,11 +295,8 @@ def _as_printed(value: float, unit: str) -> Quantity:
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) makes the unit doubtful: deg/s as rad/s is 57 times
-    as large."""
+    """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) suggests deg/s read as rad/s, 57 times as large."""
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
-    for axis in noisy:
-        yield Remark.of(
-            "unit-doubtful", axis, case="density", density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit
-        )
+    for axis, degrees in noisy.items():
+        yield Remark.of("unit-doubtful", axis, case="density", density=Quantity(degrees, "deg/s/√Hz"), limit=limit)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.remarks import Quantity, Remark
-from gmwm.measuring.inspection.findings import in_datasheet_units
+from gmwm.base.remarks import Remark
+from gmwm.measuring.inspection.findings import in_datasheet_units, places_of
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
@@ -21,30 +21,27 @@ if TYPE_CHECKING:
 
 
 class _JumpLimits(NamedTuple):
-    """Smallest reduction of −2 log L by the clearest jump and by each further one, and smallest ratio of K with the
-    jumps, as if they were noise, to the upper 95 % limit of K without them."""
+    """Smallest reduction of −2 log L by the clearest jump and by each further one, smallest ratio of K with the jumps,
+    as if they were noise, to the upper 95 % limit of K without them, and smallest reduction by each further jump if
+    several are found together. The last is that of a place among 256 blocks, 11, and of a size, with a margin."""
 
     gain: float
     more: float
     matters: float
+    together: float
 
 
-_CLEAR = _JumpLimits(21.0, 21.0, 1.35)
-"""Limits of jumps that are subtracted. White noise, random walks, flicker noise and Gauss-Markov processes exceed the
-gain in fewer than 1 of 200 recordings; the jumps of seven accelerometer axes at rest have ratios of 0.8 to 1.25
-(validation/study_faults.py)."""
-_POSSIBLE = _JumpLimits(16.0, 11.0, 1.2)
+_CLEAR = _JumpLimits(21.0, 21.0, 1.35, 16.0)
+"""Limits of subtracted jumps: white noise, walks, flicker noise and Gauss-Markov processes exceed the gain in < 1 of
+200 recordings; seven accelerometer axes at rest have ratios of 0.8 to 1.25 (validation/study_faults.py)."""
+_POSSIBLE = _JumpLimits(16.0, 11.0, 1.2, 13.0)
 """Limits of jumps that may be part of a random walk, so that K is a bound (tests/test_inspection_faults.py)."""
-_MORE = 16.0
-"""Additional reduction for each further jump, if several are found together: that of a place among 256 blocks, 11, and
-of a size, with a margin (validation/study_faults.py)."""
 _FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
 MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
 
 class _Jump(NamedTuple):
-    """A jump between or in the middle of blocks: its place (blocks), its size, the reduction of −2 log L, and whether
-    it may be part of a random walk."""
+    """A jump: place (blocks), size, reduction of −2 log L, and whether it may be part of a random walk."""
 
     place: float
     size: float
@@ -55,16 +52,11 @@ class _Jump(NamedTuple):
 def jumps_of(
     axis: str, means: Sequence[tuple[int, Vector]], extent: Extent, values: Callable[[int, int], Vector]
 ) -> list[Step]:
-    """Find the jumps of an axis, ordered by time.
+    """Find the jumps of an axis, ordered by time, from segments of about 256 block means.
 
-    The means of about 256 blocks are described by noise alone, and by noise and a jump at any place, as `trend_of` does
-    for trends. The likelihood weights all time scales, so no block length has to be chosen. The clearest jump is
-    subtracted, and the search is repeated. A change that a trend or a sinusoid describes better is not a jump.
-    Jumps that fit to the random walk of the axis are part of its noise. Less clear ones that raise K are `possible`.
-
-    `means` has the first sample and the block means of each segment, and `values(first, last)` returns a range of
-    samples, to locate the jump.
-    """
+    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
+    is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
+    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
@@ -96,8 +88,7 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
         jumps = [step for step in inspection.steps if step.axis == axis and step.is_certain]
         if 0 < len(jumps) < MOST:
             size = in_datasheet_units(max(abs(step.size) for step in jumps), 0.0, item.unit)
-            first = Quantity(jumps[0].time, "s")
-            remarks.append(Remark.of("fault-undone", axis, case="jumps", count=len(jumps), first=first, size=size))
+            remarks.append(Remark.of("fault-undone", axis, case="jumps", size=size, **places_of(jumps)))
     return remarks
 
 
@@ -105,10 +96,10 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
     clearest = Likelihood(means).best_step(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
-    if not jumps:
-        places, gain = _together(means)
-        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain:
-            jumps = _one_by_one(means, clearest, places, gain / len(places))
+    for limits in (_CLEAR, _POSSIBLE):
+        places, gain = _together(means, limits) if not jumps else ([], 0.0)
+        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + limits.gain:
+            jumps = _one_by_one(means, clearest, places, gain / len(places), limits)
     if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
         jumps = _warm_up_at(means, clearest, jumps) or jumps
     return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
@@ -122,15 +113,19 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
     step, base = _courses([place], means.size), float(np.min(likelihood.without().values))
     if len(jumps) > 1:
         courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
-        gain = max(gain, base - likelihood.with_all(courses) - _MORE * (len(jumps) - 1))
-    times = np.geomspace(2.0, means.size / 2, 12)
-    decays = np.where(at > place, np.exp(-np.maximum(at - place, 0.0) / times[:, None]), 0.0)
+        gain = max(gain, base - likelihood.with_all(courses) - _CLEAR.together * (len(jumps) - 1))
+    # The place of a jump is not quite that of a warm-up.
+    times = np.tile(np.geomspace(2.0, means.size / 2, 12), 5)
+    since = at - place - np.repeat(np.arange(-1, 1.1, 0.5), 12)[:, None]
+    decays = np.where(since > 0, np.exp(-np.maximum(since, 0.0) / times[:, None]), 0.0)
     values = np.min(likelihood.with_one(likelihood.transform(decays)).values, axis=0)
     best = int(np.argmin(values))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
-    if base - values[best] < max(gain, _CLEAR.gain) + 6.6:
+    rival = gain + 6.6 if jumps else max(gain, TrendTest(means).statistic + 6.6, best_swing(likelihood).gain + 6.6)
+    if base - values[best] < max(rival, _CLEAR.gain + 6.6):
         return []
-    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= _POSSIBLE.matters:
+    # The largest ratio of K of 18 axes at rest is 1.08.
+    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.1:
         return []
     return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
 
@@ -139,8 +134,7 @@ def _one_by_one(
     means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0,
     limits: _JumpLimits = _CLEAR,
 ) -> list[_Jump]:  # fmt: skip
-    """Return the jumps at these places, and at further ones, each of which is clear by itself. `clearest` is the best
-    step in the means as they are."""
+    """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
     base_likelihood, y, sizes = Likelihood(means), means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
@@ -170,7 +164,7 @@ def _one_by_one(
     return [_Jump(place, float(size), gain, possible) for place, size, gain in zip(places, sizes, gains, strict=True)]
 
 
-def _together(means: Vector) -> tuple[list[float], float]:
+def _together(means: Vector, limits: _JumpLimits) -> tuple[list[float], float]:
     """Return the places of several jumps that look like a random walk one by one, and the reduction of −2 log L by all
     of them. They are searched as if the noise was white, and compared with all noise models."""
     likelihood = Likelihood(means)
@@ -184,7 +178,7 @@ def _together(means: Vector) -> tuple[list[float], float]:
         places.append(place)
         courses = _courses(places, means.size)
         gain = without - likelihood.with_all(likelihood.transform(courses))
-        excess = gain - _CLEAR.gain - _MORE * (len(places) - 1)
+        excess = gain - limits.gain - limits.together * (len(places) - 1)
         if excess > best[1]:
             best = (list(places), excess)
         y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
@@ -204,8 +198,7 @@ def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
 
 
 def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
-    """Return the place of a jump within a block, which is known better than the block if the jump is large. A jump
-    within a block is a jump before it and one after it, in proportion."""
+    """Return the place within its block of a large jump: a jump before and one after it, in proportion."""
     at, fits = np.arange(root.size + 1), []
     for block in (math.ceil(place) - 1, math.floor(place)):
         edges = np.clip(at + 1 - np.array([[block], [block + 1]]), 0.0, 1.0)

@@ -12,8 +12,7 @@ from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Number of samples of a local median: longer than a knock and shorter than a drift (tests/test_inspection_limits.py,
-as all constants here but `FEWEST`)."""
+"""Samples of a local median: longer than a knock, shorter than a drift (tests/test_inspection_limits.py; all here)."""
 FEWEST = 64  # smallest number of samples of a segment for a local standard deviation, whose relative error is then 9 %
 
 Indices = NDArray[np.int64]
@@ -23,8 +22,7 @@ Outliers = tuple[Indices, Vector]
 
 @dataclass(frozen=True, kw_only=True)
 class Knock:
-    """A burst of outliers on `axes`, from `time` (s since the first sample of the file) for `duration` (s), with the
-    largest deviation `peak` in local standard deviations."""
+    """A burst of outliers: start (s), `duration` (s), and largest deviation `peak` in local standard deviations."""
 
     time: float
     duration: float
@@ -34,11 +32,10 @@ class Knock:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A lasting jump of the mean of an axis. `time` (s) is counted from the first sample of the file. `size` is the
-    mean after minus the mean before, in the unit of the axis, and `times` the same in standard deviations of the usual
-    changes. `at_gap` tells whether it is at a short gap: the sensor restarted, and the gap is not filled
-    (`Signal.fill_gaps`). `index` is the number of the first sample after it. A `possible` jump may be part of a random
-    walk."""
+    """A lasting jump of the mean of an axis at `time` (s), before sample `index`.
+
+    `times` is the size in standard deviations of usual changes. `at_gap`: the sensor restarted in a short gap, which is
+    not filled (`Signal.fill_gaps`). A `possible` jump may be part of a random walk."""
 
     time: float
     axis: str
@@ -82,12 +79,10 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Find the samples far from the median of their block (row): indices in the flattened array, and distances in
-    standard deviations, which are at least half the `resolution`."""
+    """Find samples far from their block's median: flat indices, and distances over the spread (≥ `resolution`/2)."""
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
-    # Smallest distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵
-    # samples.
+    # Distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
     at = np.flatnonzero((distance > 8.0 * spread) & (spread > 0))
     return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
 
@@ -101,9 +96,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 
 def level_length(samples: int) -> int:
-    """Return the number of samples in the blocks whose medians are compared."""
-    # Number of blocks whose medians are compared for jumps.
-    # Smallest number of samples of such a block.
+    """Return the number of samples in the blocks whose medians are compared, so that there are about 256."""
     return max(samples // 256, 100)
 
 
@@ -111,13 +104,12 @@ def steps_of(
     axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, resolution: float,
     values: Callable[[int, int], Vector],
 ) -> list[Step]:  # fmt: skip
-    """Find lasting jumps of the mean within segments, ordered by time. The medians m_i of 256 blocks, with at least 100
-    samples each, follow the mean without knocks, and m_{i+2} − m_i contains the whole of a jump in block i + 1. It must
-    exceed 8 standard deviations of all such differences, by their median absolute deviation, so that a random walk is
-    not a jump, and 4 times the changes before and after it, so that a warm-up is not a jump. The first and the last
-    three blocks are excluded. No jump was found in 8680 simulated recordings of seven models; tests/test_inspection.py
-    repeats a part of them. `levels` has the first sample and the medians of each segment, and `values(first, last)`
-    returns samples, to locate the jump. Half the `resolution` is the smallest standard deviation."""
+    """Find lasting jumps of the mean within segments, ordered by time, from medians m_i of about 256 blocks.
+
+    m_{i+2} − m_i contains a jump in block i + 1. It must exceed 8 standard deviations (from the MAD, at least half a
+    quantization step) of all such differences, against random walks, and 4 times the changes around it, against
+    warm-ups. Three blocks at both ends are excluded. 8680 simulated recordings of seven models had none
+    (tests/test_inspection.py)."""
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
     everything = np.concatenate([np.empty(0), *changes])
@@ -132,8 +124,7 @@ def steps_of(
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
-        # Smallest size of a jump, in standard deviations of these differences.
-        # Smallest ratio of a jump to the changes before and after it. For a ramp it is 2.
+        # The ratio to the changes before and after is 2 for a ramp.
         least = np.maximum(8.0 * spread, 4.0 * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
         # Several neighbouring blocks can show the same jump.

@@ -11,6 +11,7 @@ from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.template import render
 from gmwm.base.text import Summarised, counted, duration_text, moment
 from gmwm.base.time_base import TimeBase
+from gmwm.base.units import usual_unit
 from gmwm.measuring.inspection.knocks import Knock, Step
 from gmwm.measuring.inspection.trends import Swing, Trend
 from gmwm.measuring.regression.result import Regression
@@ -96,6 +97,11 @@ class Inspection(Documented, Summarised):
     regressions: dict[str, Regression]
     remarks: tuple[Remark, ...]
 
+    @property
+    def has_knocks(self) -> bool:
+        """Whether there are knocks that change N."""
+        return any(remark.code == "knocks" for remark in self.remarks)
+
     def summary(self, *, every: bool = False) -> str:
         """Describe the result as text, with all remarks (`every`) or the five most severe ones."""
         return text(self, every=every)
@@ -110,8 +116,7 @@ class Inspection(Documented, Summarised):
 
 
 def combined(inspections: Sequence[Inspection]) -> Inspection:
-    """Combine the inspections of the sensors of one recording, which have different rates of their own. The rate and
-    the length are those of the first one."""
+    """Combine the inspections of sensors with different rates; rate and length are those of the first."""
     first, *others = inspections
     if not others:
         return first
@@ -144,17 +149,17 @@ def _segment_words(inspection: Inspection) -> str:
 
 
 def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """Describe the result of an inspection as text, with options as in Python or in the shell; see
-    `Inspection.summary`."""
+    """Describe an inspection as text, with options as in Python or in the shell; see `Inspection.summary`."""
     lines = [
         f"{inspection.source or 'recording'}: {inspection.samples} samples at {inspection.rate:g} Hz, "
         f"{duration_text(inspection.duration)}" + _segment_words(inspection),
         f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
     ]
     for name, axis in inspection.axes.items():
-        lsb = "-" if axis.lsb is None else f"{axis.lsb:.4g}"
-        numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
-        lines.append(f"{name:<8} {numbers}  {axis.unit}")
+        unit, factor = usual_unit(axis.unit)
+        values = (axis.mean, axis.sd, axis.noise, axis.lsb, axis.wander)
+        numbers = " ".join(f"{'-' if value is None else f'{factor * value:.4g}':>11}" for value in values)
+        lines.append(f"{name:<8} {numbers}  {unit}")
     if inspection.gravity is not None:
         turned = "" if inspection.tilt is None else f", turned by at most {inspection.tilt:.3g}°"
         lines.append(f"specific force: {inspection.gravity:.5g} m/s²{turned}")
@@ -162,15 +167,17 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(f"temperature: {inspection.temperature[0]:.4g} to {inspection.temperature[1]:.4g} °C")
     if inspection.time_base.stamped:
         gaps = counted(len(inspection.time_base.gaps), "gap")
-        lines.append(f"time stamps: jitter {inspection.time_base.jitter:.3g} s rms, {gaps}")
+        lines.append(f"time stamps: jitter {round(inspection.time_base.jitter, 9):.3g} s rms, {gaps}")
     for knock in inspection.knocks[:5]:
         what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
         long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
         lines.append(f"knock at {moment(knock.time)} {long} ({what})")
     if len(inspection.knocks) > 5:
         lines.append(f"and {counted(len(inspection.knocks) - 5, 'more knock')}")
+    if inspection.knocks and not inspection.has_knocks:
+        lines.append("these knocks change N by less than 0.5 %")
     for step in inspection.steps[:5]:
-        change = f"{step.size:+.3g} {inspection.axes[step.axis].unit}, {step.times:.0f} sd"
+        change = f"{_size(step.size, inspection.axes[step.axis].unit, '+.3g')}, {step.times:.0f} sd"
         lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")
     if len(inspection.steps) > 5:
         lines.append(f"and {counted(len(inspection.steps) - 5, 'more jump')}")
@@ -178,7 +185,7 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(render("times are measured from the first sample of the file, as in {--skip}", {}, dialect))
     lines += [_trend_line(trend, inspection.axes[trend.axis].unit) for trend in inspection.trends]
     for swing in inspection.swings:
-        size = f"{swing.amplitude:.3g} {inspection.axes[swing.axis].unit}"
+        size = _size(swing.amplitude, inspection.axes[swing.axis].unit)
         lines.append(f"swing of {swing.axis} with a period of {duration_text(swing.period)} and an amplitude of {size}")
     groups = with_groups(inspection.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST_REMARKS + 1 else groups[:MOST_REMARKS]
@@ -188,11 +195,17 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
     return "\n".join(lines)
 
 
+def _size(size: float, si: str, spec: str = ".3g") -> str:
+    """Format the size of a change in the usual unit."""
+    unit, factor = usual_unit(si)
+    return f"{factor * size:{spec}} {unit}"
+
+
 def _trend_line(trend: Trend, unit: str) -> str:
     """Return a line of text about a trend."""
     if trend.kind != "exponential" or trend.tau is None:
-        return f"{trend.kind} trend of {trend.axis}: {-trend.size:+.3g} {unit} from the beginning to the end"
-    size = f"{trend.size:+.3g} {unit} at first, time constant {duration_text(trend.tau)}"
+        return f"{trend.kind} trend of {trend.axis}: {_size(-trend.size, unit, '+.3g')} from the beginning to the end"
+    size = f"{_size(trend.size, unit, '+.3g')} at first, time constant {duration_text(trend.tau)}"
     if trend.until is None:
         return f"exponential trend of {trend.axis} ({size})"
     return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"

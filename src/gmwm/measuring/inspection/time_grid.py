@@ -24,8 +24,7 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments (half-open index ranges) with start times since the first sample of the file, and whether lengths of
-    gaps are known."""
+    """Segments (index ranges) with start times (s), and whether lengths of gaps are known."""
 
     rate: float
     segments: tuple[Range, ...]
@@ -97,16 +96,14 @@ _EXPECTED = 30.0
 
 
 _FINE = 3.0
-"""Quantization steps between neighbouring samples that differ, as median. From it on, rounding does not shape the
-tails. Such Gaussian noise has a standard deviation of at least three steps."""
+"""Median quantization steps between differing neighbours from which rounding does not shape the tails (σ ≥ 3 steps)."""
 _NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
-    """Samples of an axis at its smallest or largest value. `share` is their share, `value` the value at which there
-    are most of them, and `loss` the share of its standard deviation that Gaussian noise loses. `matters` is whether
-    N loses more than half the 95 % confidence interval of white noise."""
+    """Samples of an axis at its extremes: their share, the commonest value, and the `loss` of spread of Gaussian noise.
+    `matters`: N loses more than half the 95 % confidence interval of white noise."""
 
     axis: str
     share: float
@@ -138,13 +135,10 @@ class Extremes:
         return int(self.counts[at[0]]) if at.size else 0
 
     def is_clipped(self, samples: int, step: float, noise: float) -> bool:
-        """Return whether the noise would extend beyond the largest value. `step` is the quantization step, 0 if none is
-        visible, and `noise` the standard deviation before rounding.
+        """Return whether the noise (standard deviation before rounding) would extend beyond the largest value.
 
-        The logarithm of the probabilities of the values of rounded Gaussian noise has the second difference −step²/σ².
-        The two largest values with n_1 and n_0 samples predict n_1²/n_0 · exp(−step²/σ²) samples beyond. A mean that
-        varies makes the tail longer.
-        """
+        log p of rounded Gaussian values has the second difference −step²/σ². The two largest values with n_1 and n_0
+        samples predict n_1²/n_0 · exp(−step²/σ²) beyond. A varying mean makes the tail longer."""
         if self.levels.size < 2 or self.counts[-1] < max(_SHARE * samples, _LEAST):
             return False
         if not step:
@@ -171,8 +165,7 @@ class Ends:
             self._moves.append(float(np.median(moves[moves > 0])))
 
     def is_fine(self, step: float) -> bool:
-        """Return whether most changes from one sample to the next are many quantization steps. Clipped samples hide the
-        noise from an estimate of its standard deviation, but not from this test."""
+        """Return whether most changes of neighbours are many steps: unlike the noise, clipping does not hide this."""
         return bool(self._moves) and float(np.median(self._moves)) > _FINE * step
 
 

@@ -1,6 +1,5 @@
-"""Find trends that the mean of an axis follows in addition to noise: smooth functions of time, such as a warm-up, and
-periodic changes of which a recording shows only a few periods, as from air conditioning.
-"""
+"""Find trends of the mean of an axis: smooth functions, such as a warm-up, and periodic changes of few periods in the
+recording, as from air conditioning."""
 
 from __future__ import annotations
 
@@ -35,12 +34,11 @@ _EXTRA = 2.0  # improvement of −2 log L that is subtracted for a second parame
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """A smooth function of time in the mean of an axis: "exponential" (a e^{−t/τ}), "linear" or "quadratic". `size` is
-    a, or the first value minus the last one, in the unit of the axis. `tau` is τ (s), and `until` the time (s) after
-    which the rest of an exponential is below one standard error of the noise. `pvalue` is the probability that noise
-    shows an equally clear trend. `walk`, `walk_limit` and `walk_with_trend` are the random walk in addition to the
-    trend, its approximate 95 % upper limit, and the random walk if the trend is treated as noise, in the unit of the
-    axis per √s."""
+    """A smooth course of the mean of an axis: "exponential" (a e^{−t/τ}), "linear" or "quadratic".
+
+    `size` is a, or first minus last; `tau` is τ (s), and `until` the time (s) from which an exponential is below one
+    standard error. `walk`, `walk_limit` and `walk_with_trend` are the random walk besides the trend (unit/√s), its 95 %
+    upper limit, and the walk with the trend as noise. `pvalue` is that of noise without a trend."""
 
     axis: str
     kind: Kind
@@ -66,12 +64,10 @@ class Trend:
 def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Trend | None:
     """Find the trend of an axis; None if there is none.
 
-    The means of about 256 blocks are described by noise alone, and by noise and a trend. The noise is white noise, a
-    random walk and a Gauss-Markov process of any size, fitted by maximum likelihood together with the trend, so that
-    the drift of a sensor is not taken for a trend. The statistic is the reduction of −2 log L by the trend. Its
-    distribution was simulated for noise of many kinds (docs/validation/trends.md; Davies 1987, Biometrika 74, 33-43). A
-    trend is reported at the 1 % level, and only if a jump does not describe the means better. `means` has the first
-    sample and the block means of each segment with at least five blocks.
+    Noise alone (white, walk, Gauss-Markov, by maximum likelihood) is compared with noise and a trend, for about 256
+    block means, so that a sensor's drift is no trend. The reduction of −2 log L has a simulated distribution
+    (docs/validation/trends.md; Davies 1987, Biometrika 74, 33-43). The level is 1 %, and a jump must not describe the
+    means better.
 
     >>> import numpy as np
     >>> means = 5 * np.exp(-np.arange(256) / 50) + np.random.default_rng(0).normal(size=256)
@@ -116,9 +112,8 @@ def longest_means(means: Sequence[tuple[int, Vector]], extent: Extent, length: i
 
 
 class TrendTest:
-    """The test for a trend in n block means. Times are in blocks. `statistic` is the reduction of −2 log L by the best
-    trend, minus `_EXTRA` for a second parameter. `kind` is None if a jump describes the means better, and `tau` the
-    time constant of the nearest exponential."""
+    """Test for a trend in block means, times in blocks. `statistic` is the reduction of −2 log L, minus `_EXTRA` for a
+    second parameter; `kind` is None if a jump describes the means better."""
 
     def __init__(self, means: Vector) -> None:
         n = means.size
@@ -129,7 +124,6 @@ class TrendTest:
         times = np.geomspace(1.0, 1.5 * n, 18)
         decays, courses = self._decays(times)
         j = _best(decays)
-        # A second grid around the best time constant.
         ratio = times[1] / times[0]
         finer = times[j] * np.geomspace(1 / ratio, ratio, 9)
         decays, courses = self._decays(finer[finer <= times[-1]])
@@ -147,8 +141,7 @@ class TrendTest:
             "quadratic": float(base - np.min(self._parabola.values)) - _EXTRA,
         }
         self.statistic = max(gains.values())
-        # Among shapes that describe the means about equally well, a line is preferred, then an exponential, which has a
-        # physical cause.
+        # Of about equally good shapes, a line is preferred, then an exponential, which has a physical cause.
         near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
@@ -163,8 +156,7 @@ class TrendTest:
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
-        """Return the variance γ² of a step of the random walk over one block besides the trend, its 95 % limit, and γ²
-        without a trend."""
+        """Return γ² of the walk per block with a trend, its 95 % limit, and γ² without a trend."""
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
@@ -232,9 +224,8 @@ _DAYS, _HARMONICS = 3.0, 3
 
 @dataclass(frozen=True, kw_only=True)
 class Swing:
-    """A periodic change of the mean of an axis. `period` (s) is its period, `periods` their number in the recording,
-    and `amplitude` half of the change, in the unit of the axis. A change from day to night has the amplitudes of its
-    `harmonics`, the first included."""
+    """A periodic change of the mean: period (s), number of periods, and amplitude (half of the change). A change from
+    day to night has the amplitudes of its `harmonics`, the first included."""
 
     axis: str
     period: float
@@ -252,8 +243,7 @@ class Swing:
 
 
 class SwingFit(NamedTuple):
-    """The best sinusoid in block means: the reduction of −2 log L, the number of periods, its transformed courses, and
-    the index of the noise model."""
+    """Best sinusoid: reduction of −2 log L, number of periods, transformed courses, index of the noise model."""
 
     gain: float
     periods: float
@@ -271,11 +261,8 @@ def best_swing(likelihood: Likelihood) -> SwingFit:
 
 
 def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Swing | None:
-    """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise.
-
-    The test is that of `trend_of`, with a sinusoid of 2 to 16 periods. A swing must also raise K beyond what the noise
-    shows without it. In a recording of three days or more, a day with its harmonics is tried first.
-    """
+    """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise. As
+    `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too."""
     length = level_length(extent.samples)
     _, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):

@@ -1,9 +1,7 @@
-"""Likelihood of block means that are the sum of white noise, a random walk, a Gauss-Markov process and a course.
+"""Likelihood of block means: white noise, random walk, Gauss-Markov process and a course.
 
-The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of the differences d of n block means has the variances λ_k =
-σ² (2 − 2 cos θ_k) + γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, of white noise, steps of a walk and Gauss-Markov noise. It is
-exact but for the last (validation/study_trends.py). A grid over γ²/σ² and g/σ² gives the global maximum.
-"""
+The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means has the variances λ_k = σ² (2 − 2 cos θ_k)
++ γ² (2 + cos θ_k)/3 + g_k, θ_k = πk/n, exactly but for g (validation/study_trends.py). A grid finds the maximum."""
 
 from __future__ import annotations
 
@@ -18,20 +16,17 @@ from gmwm.base.arrays import Integers, Matrix, Vector
 
 _LEAST = float(np.finfo(float).tiny)
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
-"""Ratios γ²/σ² of the grid. The smallest positive one is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest
-one hides the white noise."""
+"""Grid of γ²/σ²: the smallest is invisible in 1000 blocks, whose lowest θ² is 1e-5; the largest hides white noise."""
 _TIMES = (1.5, 5.0, 16.0)
-"""Correlation times of the Gauss-Markov process, in blocks. Above a tenth of the recording, it is close to a random
-walk."""
+"""Correlation times of the Gauss-Markov process (blocks); above a tenth of the recording it is close to a walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseGrid:
-    """Noise models on a grid, relative to the white noise of a block mean. `transform` (n − 1, n − 1) is the sine
-    transform of the differences. `weights` (G, n − 1) are 1/λ_k of each model for σ² = 1, `logs` Σ log λ_k, and `walks`
-    γ²/σ². `rest` (G, n − 1) is λ_k without the walk, and `walk` λ_k of γ² = 1 alone."""
+    """Noise models on a grid, relative to white noise. `transform` is the sine transform of differences, `weights` are
+    1/λ_k, `logs` Σ log λ_k, `walks` γ²/σ², `rest` λ_k without the walk, and `walk` λ_k of γ² = 1."""
 
     transform: Matrix
     weights: Matrix
@@ -54,8 +49,7 @@ def grid_of(blocks: int) -> NoiseGrid:
             continue
         markov = _markov(transform, time)
         for plateau in _PLATEAUS:
-            # Together with a Gauss-Markov process, every second ratio is enough. The ratio of neighbours is then still
-            # below 2.2.
+            # With a Gauss-Markov process, every second ratio is enough: neighbours are still within 2.2.
             walks.append(_WALKS[::2])
             rests.append(np.repeat((white + plateau / (2 * time) * markov)[None, :], walks[-1].size, axis=0))
     ratios, variances_without = np.concatenate(walks), np.vstack(rests)
@@ -134,8 +128,7 @@ def _crossing(walks: Vector, excess: Vector) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CourseProfile:
-    """−2 log L, up to a constant, of block means for G noise models and C courses c with the best coefficient a of
-    each. `squares` (G, C) are Σ (z − a c)²/λ for σ² = 1; divided by the number of differences they estimate σ²."""
+    """−2 log L, up to a constant, of G noise models and C courses with the best coefficient; `squares` estimate σ²."""
 
     values: Matrix
     squares: Matrix
@@ -177,8 +170,7 @@ class Likelihood:
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:
-        """Return the reduction of −2 log L by the best jump between or in the middle of blocks, except for the `first`
-        and the last ones; its place (blocks), and the weights of the noise model."""
+        """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid
         between = n - 2 * (first - 1)
         taken = np.empty((len(grid.weights), 2 * between - 1))
@@ -201,15 +193,13 @@ class Likelihood:
         return self._minus2(self._flat[models][:, None] - taken, self.grid.logs[models][:, None])
 
     def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
-        """Return the variance γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML,
-        which excludes the low frequencies that the courses explain. The derivative of an exponential with respect to
-        its time constant is a course too. With `alone`, no Gauss-Markov process can replace the walk."""
+        """Return γ² of a step of the random walk besides courses (p, n − 1), and its 95 % limit, by REML, which
+        excludes frequencies that courses explain. With `alone`, no Gauss-Markov process can replace the walk."""
         grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
         values, scales = self._restricted_likelihood(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        # Rise of −2 log L at the upper limit of a random walk: the 95 % quantile of χ² with one degree of freedom. The
-        # 90 % quantile, which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of
-        # recordings, because a Gauss-Markov process can replace a random walk (docs/validation/trends.md).
+        # 95 % quantile of χ²₁. The usual 90 % for one-sided limits gives limits too low in 10 to 20 % of recordings,
+        # because a Gauss-Markov process can replace a walk (docs/validation/trends.md).
         limit = _crossing(grid.walks[:used] * scales, values - values[best] - 3.841)
         if not grid.walks[best]:
             return 0.0, limit

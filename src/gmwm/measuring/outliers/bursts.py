@@ -1,9 +1,7 @@
 """Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
 
-Large coefficients of heavy-tailed noise are scattered in time. A knock makes many neighbouring coefficients large, with
-both signs, because the sensor returns to its old position. The coefficients are half a scale apart: a wrong sample then
-changes two of them, a jump one or two, two wrong samples at most four, and a simple pulse three or four.
-"""
+Large coefficients of heavy tails are scattered; a knock has many neighbours with both signs, as the sensor returns.
+Half a scale apart, a wrong sample or jump changes up to two, two wrong samples four, a simple pulse three or four."""
 
 from __future__ import annotations
 
@@ -27,8 +25,7 @@ LARGE = 5.0
 """Size of a large coefficient, in local standard deviations (docs/validation/tails.md, as the next four constants)."""
 FEWEST = 5  # smallest number of large coefficients in a burst
 HUGE, FEW = 20.0, 3
-"""Size of a huge coefficient, which heavy tails cannot explain, and smallest number of large coefficients in a burst
-with a huge one."""
+"""Size of a coefficient that heavy tails cannot explain, and smallest number of large ones in a burst with it."""
 APART = 8  # largest distance between neighbouring large coefficients of a burst, in half scales
 MATERIAL = 0.01
 """Smallest share of the classical variance at which bursts matter. It changes a standard deviation by 0.5 %."""
@@ -40,8 +37,7 @@ _SMALL, _FALSE = 3.5, 1e-4
 """For small bursts, the smallest size of a large coefficient, and the expected number of false bursts in a panel."""
 _CHANCE = 0.01  # largest expected number of bursts in a panel that heavy tails explain
 _ALONE, _BESIDE = 1.5, 32
-"""For small bursts, the largest spread of the noise next to the burst, in local standard deviations, and the smallest
-number of coefficients for this spread."""
+"""For small bursts: largest spread of the noise beside (standard deviations), and smallest number of coefficients."""
 _PIECES = 64  # smallest number of coefficients for a local standard deviation; its relative error is about 15 %
 Indices = NDArray[np.int64]
 Ranges = NDArray[np.int64]
@@ -86,8 +82,7 @@ class BurstFinder:
         self.rate = as_rate(rate)
         self.panels = Panels(panel_length(self.rate))
         self.levels = _levels(self.rate)
-        # Sums over all panels for each level: squares, squares in bursts, coefficients, coefficients in bursts, and
-        # bursts.
+        # Sums over panels by level: squares and those in bursts, coefficients and those in bursts, bursts.
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
 
@@ -185,8 +180,7 @@ class BurstCoefficients(NamedTuple):
 
 
 def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoefficients]:
-    """Yield the coefficients of a panel at each level at which bursts are searched. `step` is the quantization step, or
-    0."""
+    """Yield the coefficients of a panel at each level searched for bursts; `step` is the quantization step or 0."""
     path = _core.running_sum(panel)
     for k in range(_levels(rate)):
         if path.size - 2 < _PIECES // 2:
@@ -202,8 +196,7 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoeff
 
 
 def burst_ranges(levels: Iterable[BurstCoefficients], *, small: bool = False) -> Ranges:
-    """Return index ranges (k, 2) of the samples in bursts of one panel, ordered and without overlap. With `small`,
-    bursts of coefficients below `LARGE` that are large for this noise are found too."""
+    """Return disjoint sample ranges (k, 2) of bursts; with `small`, also of coefficients below `LARGE`."""
     return _finest_ranges((level.number, _bursts(level, small)) for level in levels)
 
 
@@ -213,8 +206,7 @@ def pulse_ranges(levels: Iterable[BurstCoefficients], values: Vector, fewest: in
 
 
 def _finest_ranges(bursts_of_levels: Iterable[tuple[int, _LevelBursts]]) -> Ranges:
-    """Return index ranges of the samples in bursts. A burst is left out if it overlaps a burst of a finer level, at
-    which its position is known better."""
+    """Return sample ranges of bursts, without those over bursts of finer levels, whose position is known better."""
     ranges = np.empty((0, 2), dtype=np.int64)
     for number, bursts in bursts_of_levels:
         new = np.stack([bursts.first << number - 1, (bursts.last + 2) << number - 1], axis=1)
@@ -269,8 +261,7 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
 
 
 def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBursts:
-    """Return the pulses at one level of a panel: short changes of the mean, which make only few coefficients large. The
-    constants are pinned by tests/outliers/test_pulses.py."""
+    """Return pulses: short changes of the mean, with few large coefficients (tests/outliers/test_pulses.py)."""
     from scipy.special import bdtrc
 
     ratio = np.abs(level.w) / level.limit(level.at)
@@ -293,8 +284,7 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
         chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
-    # Tails of t noise with three degrees of freedom have (6.5/4)³ times as many coefficients beyond 4, apart from those
-    # of Gaussian noise, and popcorn noise has lasting changes.
+    # t noise with three degrees of freedom has (6.5/4)³ times as many beyond 4, and popcorn noise lasting changes.
     count, gaussian = np.count_nonzero(chosen), 6.3e-5 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)
     if count < fewest or (fewest > 1 and bdtrc(count - 1, others, (4.0 / 6.5) ** 3) > 0.003):
@@ -303,12 +293,10 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
 
 
 def _largest_by_chance(groups: int, size: int) -> float:
-    """Return the largest number of large coefficients in a burst that heavy tails explain, from the number of groups of
-    large ones among all coefficients. Groups with a huge one can be knocks, so they are not counted.
+    """Return the largest number of large coefficients in a burst that heavy tails explain.
 
-    A single large sample makes two of them. If m samples are large with probability p each, a run of m of them with
-    distances up to `APART` occurs n·p·(2·APART·p)^(m−1) times.
-    """
+    A large sample makes two of them. With m samples large with probability p, runs with distances up to `APART` occur
+    n·p·(2·APART·p)^(m−1) times. Groups with a huge one can be knocks, so they are not counted."""
     if groups == 0:
         return 0.0
     share = 2 * APART * groups / size

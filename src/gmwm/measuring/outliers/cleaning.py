@@ -1,13 +1,10 @@
-"""Screen the samples of an axis in one pass for bursts, isolated wrong samples and heavy tails, and replace wrong
-samples.
-"""
+"""Screen samples in one pass for bursts, wrong samples and heavy tails, and replace wrong samples."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import Documented
@@ -48,8 +45,7 @@ NOTHING_REPLACED = Replaced()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screen:
-    """Results of the screening of one axis: bursts, wrong samples in the data (as in `Replaced`), and sums for heavy
-    tails."""
+    """Screening of one axis: bursts, wrong samples in the data (as in `Replaced`), and sums for heavy tails."""
 
     bursts: Bursts
     spikes: int
@@ -98,9 +94,8 @@ _BESIDE = 32  # smallest number of samples on each side of a knock from which it
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaned:
-    """A signal without its isolated wrong samples and knocks, which are drawn from their distribution given the others.
-    `knocks` (k, 2) are the half-open index ranges that were replaced because of knocks, and `replaced` counts the
-    samples."""
+    """A signal whose wrong samples and knocks are drawn from their distribution given the others; `knocks` (k, 2) are
+    index ranges, and `replaced` counts samples."""
 
     signal: Signal
     knocks: Ranges
@@ -108,25 +103,21 @@ class Cleaned:
 
 
 def cleaned(x: Signal) -> Cleaned:
-    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds.
-
-    Knocks that last longer than 30 s are kept. If the other knocks make up more than 10 % of the samples, they are kept
-    too. Disturbances of this length are a state of the sensor.
-
-    >>> x = np.random.default_rng(1).normal(size=20_000)
-    >>> x[5_000:5_100] *= 30.0
-    >>> clean = cleaned(Signal(x, rate=100.0))
-    >>> len(clean.knocks), f"{x.std():.1f}, {clean.signal.values.std():.1f}"
-    (1, '2.4, 1.0')
-    """
+    """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds. Knocks over 30 s, or
+    together over 10 % of the samples, are kept: they are a state of the sensor."""
     spikes = find_spikes(x)
-    signal = repaired(x, spikes)
     # Replaced samples are not at multiples of the step.
-    knocks = _knocks(signal.values, x.rate, lsb(x.values) or 0.0)
+    signal, step = repaired(x, spikes), lsb(x.values) or 0.0
+    knocks = _knocks(signal.values, x.rate, step)
     if knocks.size:
-        # Knocks hide the tails of the noise from the search for spikes.
-        spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
-        present = _outside(knocks, len(x))
+        # Knocks hide the tails of the noise from the search for spikes, and spikes within knocks hide the knocks.
+        before, spikes = spikes, find_spikes(replace(x, values=_mirror(x.values, knocks)))
+        if not np.all(np.isin(before.indices, spikes.indices)):
+            knocks = _knocks(repaired(x, spikes).values, x.rate, step)
+            spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
+        present = np.ones(len(x), dtype=np.bool_)
+        for first, last in knocks.tolist():
+            present[first:last] = False
         present[spikes.indices] = False
         signal = replace(x, values=drawn(x.values, present))
     times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
@@ -197,14 +188,6 @@ def _mirror(values: Vector, ranges: Ranges) -> Vector:
         )
         out[first:last] = line + np.concatenate(echoes)
     return out
-
-
-def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
-    """Return a mask of the samples, `size` in number, that are outside all ranges."""
-    outside = np.ones(size, dtype=np.bool_)
-    for first, last in ranges.tolist():
-        outside[first:last] = False
-    return outside
 
 
 def _widen(ranges: Ranges, size: int, share: float = MARGIN) -> Ranges:

@@ -1,7 +1,4 @@
-"""Test a recording for outliers by the ratio of its classical to its robust wavelet variance, bursts and spikes.
-
-Another test tells whether a robust wavelet variance depends on its efficiency because of too many outliers.
-"""
+"""Test for outliers by the ratio of classical to robust variance, by bursts and by spikes."""
 
 from __future__ import annotations
 
@@ -51,8 +48,7 @@ def ratio_errors(robust: WaveletVariance, tested: Booleans, model: ModelLike | N
     square = np.where(square > 0, square, beyond / all_levels.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
-    # Gaussian efficiency of (MAD / 0.67449)², which replaces a robust estimate without a root (Rousseeuw and Croux
-    # 1993, JASA 88).
+    # Efficiency of (MAD / 0.67449)², used without a root (Rousseeuw and Croux 1993, JASA 88).
     square *= np.where(fallen, max((2 / 0.3675 - 2) / beyond, 1.0), 1.0)
     return np.sqrt(square)
 
@@ -72,8 +68,7 @@ LOW, HIGH = 0.6, 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Dependence(Documented):
-    """Two robust variances of the same scale `tau` (s) that differ by more than chance explains. `efficiency` and
-    `value` are those of the fitted curve, the others those of the curve that it is compared with."""
+    """Two robust variances at `tau` (s) that differ by more than chance; `value` is that of the fitted curve."""
 
     tau: float
     efficiency: float
@@ -92,10 +87,9 @@ def other_efficiency(efficiency: float) -> float:
 
 
 def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
-    """Return the level at which two robust curves of a recording differ most, if this is more than chance; otherwise
-    None. The estimation errors of both curves are expansions in the same Hermite polynomials. The log ratio of the
-    curves therefore has at most the variance of the log ratio of the classical curve to the less efficient one, whose
-    standard errors are in the `verdict` on `robust`. A difference of 1 % is tolerated."""
+    """Return the level at which two robust curves of a recording differ most, if by more than chance and 1 %, or None.
+    Both errors are expansions in the same Hermite polynomials, so their log ratio has at most the variance of that of
+    the classical to the less efficient curve, whose standard errors are in `verdict`."""
     from scipy.special import ndtri
 
     assert robust.efficiency is not None
@@ -122,11 +116,10 @@ LEAST_FREEDOM = 30.0
 """Number of degrees of freedom M_j / 2^j up to which a level is not tested, because the tail of the distribution of the
 ratio is not known well enough (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
-"""Shares of zero coefficients at a level above which the level, or every level, is not tested.
+"""Shares of zero coefficients at which a level, or every level, is not tested: steps of 1.5 and 2.1 σ of white noise.
 
-In white noise, they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the first one, the ratio
-depends by up to 15 % on the position of the mean between two steps; above the second one, at every level, because the
-mean drifts from step to step (docs/validation/contamination-test.md)."""
+From there on, the position of the mean between steps changes the ratio of the level by up to 15 %, or that of every
+level, as the mean drifts from step to step (docs/validation/contamination-test.md)."""
 TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""

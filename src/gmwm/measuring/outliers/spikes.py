@@ -1,9 +1,7 @@
-"""Find isolated wrong samples (spikes), and replace them by samples predicted from the others.
+"""Find isolated wrong samples (spikes), and replace them by samples predicted from the others (`gaps.drawing`).
 
-The residual of a sample is its distance from the median of its neighbours, in local standard deviations. Residuals
-beyond a threshold θ are spikes if there are many more than a t distribution of the bulk explains, hardly more exceed θ
-/ 1.5 than θ, and the samples after them are normal again. See `gmwm.recording.gaps.drawing` for the replacement.
-"""
+Distances from the median of neighbours beyond θ (local standard deviations) are spikes if many more than a t
+distribution explains, hardly more exceed θ / 1.5, and the next samples are normal."""
 
 from __future__ import annotations
 
@@ -23,15 +21,12 @@ from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Signal
 
 APART = 1.5
-"""Ratio of the threshold θ to a lower threshold; residuals between the two must be rare. docs/validation/tails.md has
-the rates of correct and wrong decisions with the constants of this file."""
+"""θ over a lower threshold; few residuals are between them. Rates of decisions: docs/validation/tails.md (all here)."""
 MORE = 1.6
-"""Largest ratio of the numbers of residuals beyond θ / 1.5 and beyond θ. It is 2.25 for a tail with an infinite
-variance."""
+"""Largest ratio of residuals beyond θ / 1.5 to beyond θ; it is 2.25 for a tail with infinite variance."""
 CERTAIN = 1e-6  # largest probability, under the bulk, of the number of residuals beyond θ
 FALSE = 0.1
-"""Largest expected share of correct samples among the residuals beyond θ. As many residuals, chosen at random, are
-kept."""
+"""Largest expected share of correct samples beyond θ; as many residuals, chosen at random, are kept."""
 LEAST = 4.0  # smallest threshold, in local standard deviations
 MOST = 0.1  # largest share of spikes among the samples
 RUN = 3
@@ -55,15 +50,7 @@ _PASSES, _SETTLED = 5, 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spikes(FrozenArrays):
-    """Isolated wrong samples.
-
-    Attributes
-    ----------
-    indices, deviations : (k,) arrays
-        Indices of the spikes in the signal, and their absolute residuals in local standard deviations.
-    left : float
-        Sum of the squares of the wrong samples that are too small to be found, in the unit of the signal.
-    """
+    """Isolated wrong samples: indices, residuals (local standard deviations), and Σ x² of those not found (`left`)."""
 
     indices: NDArray[np.int64]
     deviations: Vector
@@ -117,8 +104,7 @@ def find_spikes(x: Signal) -> Spikes:
     spikes = candidates[deviation >= threshold]
     if not 0 < spikes.size <= MOST * values.size:
         return none
-    # Repeat the search without the spikes. They shift the median of their neighbours, hide the middle of a pulse, and
-    # make the tails of the bulk heavier.
+    # Repeat without the spikes, which shift medians, hide the middle of a pulse, and add to the tails.
     for _ in range(_PASSES):
         filled, right = _interpolate(values, spikes)
         marked = np.zeros(values.size, dtype=np.bool_)
@@ -175,9 +161,6 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
     return replace(x, values=drawn(x.values, right))
 
 
-# --- detection --------------------------------------------------------------------------------------------
-
-
 def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     """Return the number of neighbours on each side whose median predicts a sample best."""
     places, _ = _sample_places(values.size, _BULK)
@@ -197,13 +180,11 @@ def _sample_places(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
 def _bulk(
     values: Vector, rate: float, step: float, *, most: int, right: NDArray[np.bool_] | None, reach: int
 ) -> tuple[Vector, int, float, float]:
-    """Return the local standard deviation of the residuals in each block, the length of a block, and a lower limit and
-    an estimate of the degrees of freedom of the tails. About `most` residuals are used at most. The tails are estimated
-    from the samples that are `right`."""
+    """Return the local spread of residuals by block, the block length, and a lower limit and an estimate of the tails'
+    degrees of freedom. About `most` residuals are used, for the tails of samples that are `right`."""
     places, stride = _sample_places(values.size, most)
     residual = _core.neighbour_residuals(values, values, places, reach)
-    # Quantiles of rounded values are steps apart, and their ratio would not show the tails. A triangular dither of two
-    # steps makes the density continuous.
+    # Quantiles of rounded values would not show tails; a triangular dither of two steps makes a density.
     residual = np.abs(residual + step * np.random.default_rng(0).triangular(-1.0, 0.0, 1.0, residual.size))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
@@ -224,9 +205,8 @@ def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
 
 
 def _freedom(relative: Vector, errors: float) -> float:
-    """Return the degrees of freedom of the t distribution whose ratio of the 90 % quantile to the median, for absolute
-    values, is the measured ratio plus `errors` standard errors.
-    """
+    """Return the t distribution's freedom at which the ratio of the 90 % quantile to the median of absolute values is
+    the measured one plus `errors` standard errors."""
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
@@ -238,8 +218,7 @@ def _freedom(relative: Vector, errors: float) -> float:
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
-    """Return the smallest θ beyond which at most the share `false` of the residuals may be correct; infinity without
-    spikes."""
+    """Return the smallest θ beyond which at most the share `false` may be correct; infinity without spikes."""
     # Not from scipy.stats, whose import takes as long as the search for spikes on six axes.
     from scipy.special import bdtrc, ndtr, pdtrc
 
@@ -266,12 +245,11 @@ def _beyond(deviation: Vector, freedom: float) -> Vector:
 
 
 def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) -> NDArray[np.bool_]:
-    """Select the residuals beyond the bulk, so that the number of remaining residuals agrees with the bulk. Near the
-    threshold, single spikes cannot be distinguished from the tails of the bulk. In each bin of deviations, residuals
-    are chosen at random, as many as exceed the number expected from the bulk; far beyond, these are all. Bins below the
-    threshold follow until one has no clear surplus. The choice has a fixed seed."""
+    """Select residuals beyond the bulk, at random (fixed seed), so that the number of the others agrees with it: near
+    the threshold, spikes resemble its tails. In each bin as many as exceed the bulk are chosen, far beyond all. Bins
+    below the threshold follow until one has no clear surplus."""
     chosen = np.zeros(deviation.size, dtype=np.bool_)
-    if not np.isfinite(threshold):
+    if not np.isfinite(threshold) or not deviation.size:
         return chosen
     from scipy.special import stdtrit
 
@@ -289,7 +267,6 @@ def _surplus(deviation: Vector, threshold: float, samples: int, freedom: float) 
             chosen[rng.permutation(here)[: round(surplus)]] = True
         elif low < threshold or low == high:  # equal where a bin is below the resolution of the deviations
             break
-        # Empty bins are skipped.
         next_low = max(threshold, float(np.max(deviation[deviation < low], initial=0.0)))
         low, high = low - _BIN * max(math.floor((low - next_low) / _BIN), 1), low
         high = min(high, low + _BIN)
@@ -303,12 +280,10 @@ def _smallest_certain(count: int, samples: int, freedom: float) -> float:
 
 
 def _squares_left(deviation: Vector, limit: Vector, certain: float) -> float:
-    """Return the sum of the squares of the wrong samples that are too small to be found. `deviation` has those that
-    were found, in standard deviations `limit`. Their density above the smallest one continues below it: constant, as
-    for sizes with a wide distribution, or falling linearly to zero if it falls towards it by three standard errors.
-    Then the sizes are alike, and the noise hides the samples that are not found. If all are far beyond `certain`, the
-    density just beyond it is used. If the sizes follow a power law with an exponent (Hill 1975) like that of a Cauchy
-    distribution, so do smaller ones."""
+    """Return Σ x² of wrong samples too small to be found, from the `deviation` of the others (unit `limit`).
+
+    Their density above the smallest, or just beyond `certain`, continues below: constant, or linear to zero if it falls
+    by three standard errors (similar sizes, hidden by the noise), or by a power law like Cauchy's (Hill 1975)."""
     if deviation.size < _FEW:
         return 0.0
     least = min(float(np.min(deviation)), APART * certain)

@@ -1,8 +1,5 @@
-"""Regression of an axis on the temperature, on time or on other conditions of the recording.
-
-`against` parses the option, `blocks` and `covariates` compute the regression columns, `least_squares` the coefficients
-of one axis (`result`), and `conditions` treats all axes of a recording.
-"""
+"""Regression of an axis on temperature, time or other conditions: `against` parses the option, `blocks` and
+`covariates` compute columns, `least_squares` coefficients of one axis (`result`), and `conditions` treats all axes."""
 
 from gmwm.measuring.regression.result import Coefficient, Effect, Regression
 

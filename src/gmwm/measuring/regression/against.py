@@ -28,12 +28,11 @@ Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal | None] | N
 
 @dataclass(frozen=True)
 class CovariateTerm:
-    """One covariate of a regression, with the form of its effect: a polynomial of some `degree`, or a natural cubic
-    spline with `knots` inner knots. "time" and "warmup" are computed from the times of the samples. With `lag`, the
-    rate of change is also a column, for a sensor that follows the covariate with a delay. "offsets" gives every part
-    of the recording without a gap an offset of its own. An `exact` covariate is known without error at every sample;
-    all scales are then used. `seconds` is the period of "season:1y", the time of "step:2019-03-01" since the first
-    sample (NaN before `within`), or the unit of "time": an hour, or a year in recordings of over a year."""
+    """One covariate, with a polynomial of some `degree`, or a natural cubic spline with `knots` inner knots.
+
+    "time" and "warmup" come from sample times; "offsets" gives every part between gaps its own. `lag` adds the rate of
+    change, for a delayed sensor. An `exact` one has no error, so all scales are used. `seconds` is the period of
+    "season:1y", the time of "step:2019-03-01" (NaN before `within`), or the unit of "time": 1 h or 1 y."""
 
     name: str
     degree: int = 1
@@ -73,7 +72,6 @@ class CovariateTerm:
         >>> CovariateTerm.parse("temperature:2,lag")
         CovariateTerm(name='temperature', degree=2, lag=True, knots=0, exact=False, seconds=3600.0)
         """
-        # Largest number of inner knots of a spline.
         most_knots = 10
         # Highest degree of a polynomial: the degree that sensor drivers use for temperature compensation.
         most_degrees = 5
@@ -109,8 +107,7 @@ class CovariateTerm:
         return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words, seconds=seconds)
 
     def within(self, start: float, duration: float, rate: float) -> CovariateTerm:
-        """Return the term for a recording with a start (Unix time, s), a duration (s) and a rate (Hz). Raises
-        OptionError if a season is longer than the recording or too short, or a step is outside."""
+        """Return the term for a recording (Unix start, s; duration, s; Hz); a season or step must fit in it."""
         if self.name == TIME and duration > YEAR_S:
             return replace(self, seconds=YEAR_S)
         seconds, length = self.seconds, duration_text(duration)
@@ -130,8 +127,7 @@ class CovariateTerm:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A requested regression: its terms, and the arrays of covariates that are not part of the recording. With
-    `automatic`, the temperature of the recording is used only if a test finds that the axis depends on it."""
+    """Terms, and arrays that are not in the recording; `automatic`: temperature only if a test finds dependence."""
 
     terms: tuple[CovariateTerm, ...] = ()
     arrays: Mapping[str, Vector] | None = None

@@ -26,8 +26,7 @@ TEMPERATURE_PVALUE = 0.05
 COLUMN_PVALUE = 0.01
 """The automatic choice adds a column if the p-value of its t test is below this level."""
 DIFFERENT_ERRORS = 4.0
-"""A remark is made if the coefficients from long scales and from all scales differ by more than this number of standard
-errors of the former."""
+"""A remark is made if coefficients of long and of all scales differ by more standard errors (of the former)."""
 OPTIMISM = 2.0
 """The variances of the coefficients are too small by a factor of about 1 + OPTIMISM/(3 + degrees of freedom), because
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
@@ -42,11 +41,10 @@ def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) 
 def regress_axis(
     means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "", automatic: bool = False
 ) -> Regression:
-    """Regress an axis, with block means (n,) without outliers, on covariates by generalised least squares with the
-    inverse power spectral density of the noise, estimated from the residuals together with the coefficients. Standard
-    errors account for slow noise, so that two random walks do not appear related. If `automatic`, only if the axis
-    depends on the temperature; its square, rate of change and cube are added if significant at the 1 % level. Raises
-    DataError if columns are collinear or the axis is constant."""
+    """Regress block means (n,) on covariates by generalised least squares; noise and coefficients jointly.
+
+    Standard errors account for slow noise, so that two walks seem unrelated. If `automatic`, only a significant
+    temperature is used; its square, rate of change and cube are added at the 1 % level."""
     regression = regress_means(means, covariates, axis=axis, unit=unit)
     if automatic:
         regression = (
@@ -58,9 +56,8 @@ def regress_axis(
 
 
 def _coarse(regression: Regression, means: Vector, covariates: Covariates) -> tuple[float, float, float] | None:
-    """Return the first coefficient from the longer half of the scales, its standard error, and the shortest scale (s),
-    if it is significantly farther from zero: undetected reading errors that are correlated in time make it too small at
-    short scales."""
+    """Return the coefficient from the longer half of scales, its standard error, and the shortest scale (s), if it is
+    significantly farther from 0: correlated reading errors make it too small at short scales."""
     if not regression.terms[0].is_measured or regression.terms[0].exact:
         return None
     clock = covariates.clock
@@ -146,8 +143,7 @@ class _Iteration:
 
 
 def _iterate(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Iteration:
-    """Estimate noise, weights and coefficients. If the residuals jump at a gap, the sensor restarted in it, and the
-    offset after the gap is another one."""
+    """Estimate noise, weights and coefficients; residuals that jump at a gap (restart) get another offset."""
     iteration = _rounds(means, covariates, present, whole)
     places = np.flatnonzero(present)
     lost = np.diff(places) - 1
@@ -176,8 +172,7 @@ def _rounds(
     scales = 2.0 ** np.arange(1, design.levels + 1)
     freedom = np.maximum(design.counts / scales, 1.0)
     shares, variances = np.ones(design.levels), design.variances(means)
-    # Number of rounds that estimate noise, weights and coefficients in turn. The third one changes a standard error by
-    # less than 1 %.
+    # Rounds of noise, weights and coefficients; the third one changes a standard error by less than 1 %.
     for _ in range(4):
         if not np.all(variances > 0):
             raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
@@ -226,8 +221,7 @@ def regressed_variance(
     data: WaveletVariance | Signal | ArrayLike, rate: float | None, asked: Asked, *, robust: bool = False,
     efficiency: float = EFFICIENCY,
 ) -> WaveletVariance:  # fmt: skip
-    """Estimate the wavelet variance, with attribute `regression`, of a signal without the effect of covariates. Raises
-    OptionError or DataError if a covariate cannot be used, or `data` has no samples."""
+    """Estimate the wavelet variance of a signal without the effect of covariates (attribute `regression`)."""
     if isinstance(data, WaveletVariance):
         raise OptionError(
             "against needs the samples; got a WaveletVariance",
@@ -248,8 +242,7 @@ def restate(
     regression: Regression, signal: Signal, covariates: Covariates, estimates: Vector, *, covariance: Matrix,
     freedoms: tuple[float, ...], freedom: float,
 ) -> Regression:  # fmt: skip
-    """Return a regression with other estimates, covariance and degrees of freedom, and their joint test and
-    residuals."""
+    """Return a regression with other estimates, covariance and freedom, and their joint test and residuals."""
     clock = covariates.clock
     present = clock.present()
     means = clock.means(signal.values, clipped=True)

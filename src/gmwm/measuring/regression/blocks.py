@@ -16,8 +16,7 @@ LEAST_BLOCKS = 4096
 """Smallest number of blocks, if the recording has at least as many samples. Standard errors then differ by less than
 0.1 % from those with all samples (docs/validation/regression.md)."""
 CLIPPED_AT = 8.0
-"""Distance from the median of the block, in standard deviations, at which samples are clipped, so that a shock changes
-a block mean only slightly. Gaussian noise reaches it once in 10¹⁵ samples."""
+"""Distance from the block's median (standard deviations) at which samples are clipped, against shocks; chance 1e-15."""
 
 
 def usual_length(samples: int, end: int) -> int:
@@ -28,9 +27,8 @@ def usual_length(samples: int, end: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class BlockClock:
-    """Times of the samples of a recording, divided into blocks of `length` samples, a power of two. `segments` are
-    index ranges (first, last) without gaps, and `offsets` the time of the first sample of each, in sampling intervals
-    since the first sample of the recording."""
+    """Times of samples, divided into blocks of `length` (a power of two). `segments` are ranges without gaps, and
+    `offsets` the times of their first samples, in sampling intervals."""
 
     length: int
     rate: float
@@ -87,8 +85,7 @@ class BlockClock:
     def counts(self) -> Integers:
         """Number of observed samples in each block."""
         first, last, offset = self._ranges.T
-        # Number of samples before each edge of a block, interpolated between the ends of segments. All values are
-        # integers, so the result is exact.
+        # Samples before each edge, interpolated between ends of segments: exact, as all values are integers.
         corners = np.stack([offset, offset + last - first], axis=1).ravel()
         before = np.interp(np.arange(self.blocks + 1) * self.length, corners, np.stack([first, last], axis=1).ravel())
         return freeze(np.diff(before).astype(np.int64))
@@ -174,9 +171,8 @@ class BlockClock:
         return np.asarray(np.interp(places, at, curve))
 
     def onto(self, means: Vector, finer: BlockClock) -> Vector:
-        """Return means over the blocks of a finer clock, interpolated so that the means over the present blocks are
-        kept. The interpolating curve is the derivative of a cubic spline through the running sum. Linear interpolation
-        between the centres would reduce the amplitude of a daily cycle with 16 blocks per day by 2 %."""
+        """Return block means of a finer clock that keep the present means, from a spline through the running sum.
+        Linear interpolation would reduce a daily cycle with 16 blocks per day by 2 %."""
         at, curve = self._lines(means)
         if self.length == finer.length or self.blocks < 4:
             return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, at, curve))

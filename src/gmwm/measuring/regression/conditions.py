@@ -10,7 +10,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.measuring.regression.against import TEMPERATURE, Asked, CovariateTerm
 from gmwm.measuring.regression.api import effect_of, regress_axis, without
 from gmwm.measuring.regression.blocks import BlockClock, usual_length
@@ -26,9 +26,8 @@ from gmwm.recording.signals import Imu, Signal
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Times, temperature (°C) and block sums of a recording that was read once in batches. `clock` is a signal with the
-    segments and times of the recording. `sums` are over blocks of `length` samples, after outlying samples were
-    clipped. `curves` are wavelet variances, if requested, with the effect of the conditions."""
+    """Times (`clock`), temperature (°C) and sums over blocks of `length` clipped samples of a recording that was read
+    once; `curves`: wavelet variances with the conditions' effect."""
 
     recording: Streamed
     clock: Signal
@@ -39,8 +38,7 @@ class Seen:
 
     @classmethod
     def of(cls, recording: Streamed, length: int, *, curves: bool = False, threads: int | None = None) -> Seen:
-        """Read a recording in blocks of `length` samples and, with `curves`, its wavelet variances. Raises ReadError or
-        DataError as `read` would."""
+        """Read a recording in blocks of `length` samples and, with `curves`, its wavelet variances."""
         segments, parts = Segments(), list[Vector]()
         sums = {axis: np.zeros(0) for axis in recording.axes}
         measured = curves_of(recording, recording.axes, robust=False) if curves else {}
@@ -72,10 +70,8 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The conditions of a recording (`covariates`, None without a regression), with the regression of each axis on them
-    (`found`), also of axes that do not depend on the temperature. `unknown` is the reason why the temperature cannot be
-    used, or "". `raw` are the wavelet variances before the effect is subtracted, for a recording that is not in memory.
-    """
+    """Conditions (`covariates`, or None), and regressions of all axes on them (`found`), also of independent axes.
+    `unknown`: why there is no temperature, or "". `raw`: variances before subtraction, if not in memory."""
 
     covariates: Covariates | None = None
     found: Mapping[str, Regression] = field(default_factory=dict)
@@ -86,8 +82,7 @@ class Conditions:
     def of(
         cls, signals: Mapping[str, Signal], asked: Asked, temperature: Vector | None, *, threads: int | None = None
     ) -> Conditions:
-        """Regress the axes of a recording, without those that fail if the choice is automatic. Raises OptionError or
-        DataError if a requested covariate is missing or cannot be used."""
+        """Regress the axes of a recording, without those that fail if the choice is automatic."""
         if not signals or not _is_requested(asked, temperature is not None):
             return cls()
         clock = next(iter(signals.values()))
@@ -102,9 +97,8 @@ class Conditions:
     def of_recording(
         cls, recording: Imu | Streamed, asked: Asked, *, threads: int | None = None, curves: bool = False
     ) -> Conditions:
-        """Regress all axes of a recording in memory or in a file; see `of`. A recording in a file is read once, or
-        twice if it has no time stamps or many lost samples. With `curves`, its wavelet variances are measured while it
-        is read the first time. Raises OptionError also if an exact covariate needs the samples of such a recording."""
+        """Regress all axes of a recording in memory or in a file, which is read once (twice without time stamps or with
+        many lost samples), with its wavelet variances if `curves`."""
         if isinstance(recording, Imu):
             return cls.of(recording.signals, asked, recording.temperature, threads=threads)
         if not _is_requested(asked, recording.has_temperature):
@@ -117,7 +111,7 @@ class Conditions:
                 advice="Read the recording with `gmwm.read(path)`, or with {--chunked=no}.",
             )
         seen = Seen.of(recording, usual_length(recording.rows, 0), curves=curves, threads=threads)
-        units = {axis: SI_UNIT[axis_quantity(axis)] for axis in recording.axes}
+        units = {axis: si_unit(axis) for axis in recording.axes}
         conditions = cls._of(seen.clock, asked, seen.temperature, means=seen.means, units=units, threads=threads)
         return replace(conditions, raw=seen.curves)
 

@@ -25,12 +25,10 @@ error makes a coefficient from all used scales too small by less than 1 % (docs/
 
 @dataclass(frozen=True, eq=False)
 class Covariates:
-    """The covariates of a regression on the blocks (`clock`) of a recording. `means` are the block means of the
-    measured ones, interpolated where a block is empty. The subtracted effect is computed from `smooth`, without
-    quantization steps, and from the samples `exact` of covariates without error. `ranges` are the ranges of the block
-    means; the unit of time is hours. `lowest` is the finest wavelet level at which all reading errors are small enough,
-    and `block` the length (samples) of the blocks over which they are averaged, which can be longer than those of the
-    clock."""
+    """The covariates of a regression on the blocks (`clock`) of a recording; time in hours.
+
+    `means` are interpolated where a block is empty. The effect comes from `smooth`, without quantization steps, and
+    `exact` samples. At level `lowest` and above, reading errors are small; they are averaged over `block` samples."""
 
     basis: Basis
     clock: BlockClock
@@ -43,8 +41,7 @@ class Covariates:
 
     @classmethod
     def of(cls, terms: Sequence[CovariateTerm], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
-        """Prepare the covariates at the times of `signal`. Raises DataError if one is missing, is constant, has another
-        length, or has too large errors at all scales."""
+        """Prepare covariates at the times of `signal`; raise DataError for a missing, constant or inaccurate one."""
         usual = 1 if any(term.exact and term.is_measured for term in terms) else None
         clock = BlockClock.of(signal.rate, signal.segments, signal.starts, length=usual)
         terms = [term.within(signal.start, clock.end / clock.rate, clock.rate) for term in terms]
@@ -136,8 +133,7 @@ class Covariates:
         return replace(self, basis=Basis(terms, self.basis.references, knots))
 
     def matrix(self, tau: float | None = None, *, smooth: bool = False) -> Matrix:
-        """Return the columns (n, p) of the regression at the blocks. A warm-up has the time constant `tau` (s). The
-        subtracted effect is computed from smoothed covariates (`smooth`)."""
+        """Return the columns (n, p) at the blocks; `tau` (s) of a warm-up, `smooth` for the subtracted effect."""
         width = self.clock.length / self.clock.rate if self.clock.length > 1 else 0.0
         return self.basis.matrix(self.smooth if smooth else self.means, self.clock.times, tau, width)
 
@@ -185,9 +181,8 @@ def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: S
 
 
 def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
-    """Return the finest wavelet level at which the reading error of a covariate is small, and its quantization step.
-    The step is 0 if noise makes a quantized reading jump up and down, because its means are then accurate. Raises
-    DataError if there is no such level, or if the recording has too few blocks of its scale."""
+    """Return the finest level with a small reading error, and the quantization step, 0 if noise dithers readings (means
+    are then accurate). DataError without such a level, or with too few blocks of its scale."""
     step = lsb(values)
     step = 0.0 if step is None or _is_dithered(values) else step
     level = known_level(values, signal, step)
@@ -204,10 +199,9 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
-    """Return the finest level at which the wavelet variance of a covariate is `LEAST_COVARIATE_RATIO` times that of its
-    reading error. Each reading may be held for several samples. At longer scales, the reading error is white, so its
-    wavelet variance decreases with the scale. The total variance decreases until the changes of the covariate dominate.
-    Without noise, the rounding error of quantization steps q has the variance q²/12, which is used at every scale."""
+    """Return the finest level with `LEAST_COVARIATE_RATIO` times the variance of a covariate's reading error. Beyond
+    held readings, the error is white, so its variance falls with the scale until the covariate dominates. Without
+    noise, quantization steps q have q²/12, used at every scale."""
     curve = wavelet_variance(replace(signal, values=values, unit="", axis="")).variance
     run = values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)  # samples with the same reading
     valley = 0 if step else min(max(int(np.ceil(np.log2(run))), 0), curve.size - 1)
@@ -224,8 +218,7 @@ def known_level(values: Vector, signal: Signal, step: float) -> int | None:
 
 
 def without_steps(values: Vector, step: float) -> Vector:
-    """Smooth a quantized series by a spline halfway between two values at a change, within half a step; not if it often
-    jumps back."""
+    """Smooth a quantized series by a spline through its changes, within half a step; not if it often jumps back."""
     at = np.flatnonzero(values[1:] != values[:-1])
     middle = (values[at] + values[at + 1]) / 2
     if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > 0.3 * at.size:
@@ -250,8 +243,7 @@ _SIGNS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a regression, of the covariate `term`, such as "temperature^2", "temperature lag", "temperature
-    knot 1" or "warmup tau", and its unit, such as "°C²", or ""."""
+    """One column of a covariate, such as "temperature^2", "temperature lag" or "warmup tau", and its unit."""
 
     name: str
     term: str
@@ -272,8 +264,7 @@ class Basis:
         return tuple(column for term in self.terms for column in _columns(term))
 
     def matrix(self, values: Mapping[str, Vector], times: Vector, tau: float | None, width: float = 0.0) -> Matrix:
-        """Return the columns (n, p) for values of the covariates, times (s), and the time constant (s). A step is
-        averaged over blocks of the width (s)."""
+        """Return the columns (n, p) at times (s), with the time constant (s); a step is averaged over `width` (s)."""
         arrays = [values.get(term.name, times) for term in self.terms]
         pairs = zip(self.terms, arrays, strict=True)
         return np.hstack([self._of_term(term, array, times, tau, width=width) for term, array in pairs])

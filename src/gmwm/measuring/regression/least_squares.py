@@ -1,10 +1,8 @@
 """Generalised least squares with a weight w_k = 1/S(f_k) for each frequency: the estimate and its exact covariance.
 
-The noise of y = X β + ε has the covariance Σ and the density S(f). With the orthonormal cosine transform C (DCT-II) of
-a span without its mean, at f_k = k/2n, U = Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, and Cov β̂ = B Σ Bᵀ. It is
-the best linear unbiased estimate for white noise and a random walk; docs/validation/regression.md has others. A span
-with gaps has one offset: U solves R Cᵀ diag(1/w) C Rᵀ U = X − 1 μᵀ with 1ᵀ U = 0, where R selects the values.
-"""
+For y = X β + ε, covariance Σ, density S(f), and the orthonormal DCT-II C of a span without its mean (f_k = k/2n): U =
+Cᵀ diag(w) C X, P = Xᵀ U, β̂ = P⁻¹ Uᵀ y = B y, Cov β̂ = B Σ Bᵀ, the best linear unbiased one for white noise and walks
+(docs/validation/regression.md). With gaps (R selects values), R Cᵀ diag(1/w) C Rᵀ U = X − 1 μᵀ, 1ᵀ U = 0."""
 
 from __future__ import annotations
 
@@ -21,16 +19,13 @@ from gmwm.measuring.covariance.mixture import mixture
 from gmwm.theory.processes.base import Process
 
 COLLINEAR_CONDITION = 1e6
-"""Condition number of P, scaled to unit diagonal, above which columns are collinear. A standard error is then up to
-1000 times as large as without the other columns."""
+"""Condition number of P (unit diagonal) of collinear columns: standard errors grow up to 1000 times."""
 
 
 @dataclass(frozen=True, eq=False)
 class RegressionDesign:
-    """A regression on p columns X (n, p) at n equally spaced times. `present` masks the times with a value; the others
-    are ignored. `whole` masks those times that are also used for the wavelet variance of the residuals. With `offsets`,
-    every run without a gap has an offset of its own; otherwise the recording has one, and another one from each of the
-    indices `restarts` on."""
+    """Columns X (n, p) at n equally spaced times, used where `present`, and for the wavelet variance where `whole`.
+    `offsets`: one for each run between gaps; otherwise a new one only from each index in `restarts`."""
 
     columns: Matrix
     present: np.ndarray
@@ -45,8 +40,7 @@ class RegressionDesign:
 
     @cached_property
     def levels(self) -> int:
-        """Number J of levels with a Haar coefficient. Without own offsets, coefficients of the coarse levels cross
-        gaps."""
+        """Number of levels with a Haar coefficient; without offsets, those of coarse levels cross gaps."""
         if self.offsets:
             return self.complete_levels
         crossing = max((last - first for first, last in self.spans), default=1).bit_length() - 1
@@ -55,8 +49,7 @@ class RegressionDesign:
         return crossing
 
     def _mask(self, level: int) -> np.ndarray:
-        """Return the mask (n − 2^j + 1,) of the coefficients that are used: without missing values at complete levels,
-        with half of the values in both halves at coarser ones."""
+        """Return the mask of used coefficients: complete, or at coarse levels with half the values in both halves."""
         half = 1 << (level - 1)
         if level <= self.complete_levels:
             return np.asarray(_counted(self.present, 2 * half) == 2 * half)
@@ -113,10 +106,8 @@ class RegressionDesign:
         return [(int(part[0]), int(part[-1]) + 1) for part in parts if part.size > 1]
 
     def weights(self, density: Callable[[Vector], Vector], highest: float = 0.5) -> list[Vector]:
-        """Compute the weights 1/S(f) of the cosine transform of each span; zero above `highest`, where columns have too
-        large errors."""
-        # Largest number of frequencies at which the power spectral density is evaluated. Other weights are
-        # interpolated.
+        """Compute the weights 1/S(f) by span; 0 above `highest`, where columns have too large errors."""
+        # Frequencies with computed densities; other weights are interpolated.
         points = 4096
         weights: dict[int, Vector] = {}
         for size in {last - first for first, last in self.spans}:
@@ -180,8 +171,7 @@ class Weighted:
         return np.asarray(self.rows.T @ np.where(self.design.present, values, 0.0))
 
     def covariance_rows(self, lags: Vector) -> Matrix:
-        """Compute Σ Bᵀ (n, p) for the generalised covariance `lags`. Columns of U sum to zero in every run, so each run
-        may have its own offset, and a random walk is allowed."""
+        """Compute Σ Bᵀ (n, p) from `lags`; U sums to zero in every run, so offsets and random walks are allowed."""
         n = len(self.rows)
         size = scipy.fft.next_fast_len(2 * n, real=True)
         circle = np.zeros(size)
@@ -205,9 +195,8 @@ class Weighted:
         return np.asarray(np.tensordot(lags, self.lag_products, axes=1))
 
     def removed_variance(self, spread: Matrix) -> Vector:
-        """Compute the part (J,) of the wavelet variance ν_j² of the noise that the regression removes. With W_j for the
-        Haar coefficients of level j and D_j = W_j X, E ‖W_j (y − X β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j
-        Cov β̂). The mean is over the coefficients for the wavelet variance, or over all if there are none."""
+        """Compute the part (J,) of the noise variance ν_j² that the regression removes: with D_j = W_j X, E ‖W_j (y − X
+        β̂)‖² = M_j ν_j² − 2 tr(D_jᵀ W_j Σ Bᵀ) + tr(D_jᵀ D_j Cov β̂), over used coefficients (or all)."""
         covariance = self.rows.T @ spread
         shares = np.zeros(self.design.levels)
         for j, (d, counted) in enumerate(zip(self.design.coefficients, self.design.residual_masks, strict=True), 1):
@@ -228,8 +217,7 @@ def _filtered(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:
 
 
 def _filtered_between_gaps(columns: Matrix, weights: Vector, present: np.ndarray) -> Matrix:
-    """Solve for the weighted columns at the times `present`, with sum zero, by conjugate gradients with `_filtered` as
-    preconditioner. It is zero at missing times. Any result is unbiased, and its covariance is exact."""
+    """Solve for weighted columns, sum zero, by conjugate gradients; any result is unbiased with exact covariance."""
     used = weights[1:] > 0
     # Weight of unused frequencies, relative to the next one used, so that the inverse exists.
     floor = 1e-3 * float(weights[1:][used][-1])
@@ -279,14 +267,12 @@ def _counted(present: np.ndarray, width: int) -> np.ndarray:
 
 
 LONGEST = (0.01, 0.03, 0.12, 0.5)
-"""Limits for the correlation time in the mixtures, relative to the length of the recording. All include a random walk.
-"""
+"""Limits of correlation times in mixtures, as shares of the recording's length. All include a random walk."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The likeliest mixture of K processes for correlation times up to a limit, with its curves (K, J) and its
-    weight."""
+    """Likeliest mixture with correlation times up to a limit, its curves (K, J) and its weight."""
 
     processes: tuple[Process, ...]
     parts: Matrix
@@ -308,9 +294,8 @@ class NoiseMixtures:
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
         loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in fits])
-        # Penalty that is added to −2 log L of all mixtures except the first one: a parameter decreases it by one to two
-        # by chance. Without it, standard errors for a random walk were too small by a quarter
-        # (docs/validation/regression.md).
+        # Penalty of all mixtures but the first, as chance decreases −2 log L by one to two; without it, errors for a
+        # walk were a quarter too small (docs/validation/regression.md).
         loss[1:] += 4.0
         weights = np.exp(-(loss - loss.min()) / 2)
         weights /= weights.sum()
@@ -339,8 +324,7 @@ class NoiseMixtures:
         return np.asarray(sum(m.weight * part.sum(axis=0) for m, part in zip(self.mixtures, of_mixtures, strict=True)))
 
     def freedom_of(self, shares: Sequence[Vector]) -> float:
-        """Return 2 C²/Var Ĉ of an estimated variance C, by Satterthwaite's approximation, from the contributions of all
-        processes of each mixture (`shares`)."""
+        """Return 2 C²/Var Ĉ of a variance C (Satterthwaite), from contributions of the processes of each mixture."""
         totals = np.array([float(np.sum(part)) for part in shares])
         weights = np.array([mixed.weight for mixed in self.mixtures])
         mean = float(weights @ totals)

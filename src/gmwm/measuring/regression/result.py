@@ -37,8 +37,7 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Points(FrozenArrays):
-    """Means of an axis over parts (m,), before and after the effect is subtracted, against the first covariate (time in
-    hours)."""
+    """Means of an axis over parts (m,), with and without the effect, against the first covariate (time in hours)."""
 
     at: Vector
     before: Vector
@@ -246,8 +245,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
         level on at which less than half of the noise is left, the levels are dropped.
         """
-        # If less than this share of the noise is left at a level, this and all coarser levels are dropped
-        # (docs/validation/regression.md).
+        # A smaller share of noise left drops this and all coarser levels (docs/validation/regression.md).
         limit = 0.5
         shares = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
         count = int(np.argmax(shares < limit)) if np.any(shares < limit) else shares.size

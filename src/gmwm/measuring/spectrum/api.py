@@ -19,15 +19,13 @@ from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Imu, Signal
 
 ENOUGH_BLOCKS = 15
-"""Number of blocks of one length from which shorter blocks are not used: the blocks of eight lengths without gaps. The
-standard error of the density is then 27 %, and means over frequencies are as precise as with shorter blocks."""
+"""Number of blocks that makes shorter ones needless: standard error 27 %, and means over frequencies as precise."""
 BUFFERED_SAMPLES = 1 << 18  # number of samples that are buffered before they are processed
 
 
 @dataclass(frozen=True, eq=False)
 class _PeriodogramSums:
-    """Sums over the blocks of one length. `pairs` is the number of blocks that overlap with the previous block. `first`
-    and `last` are the first samples of the first and the last block."""
+    """Sums over the blocks of one length; `pairs` counts overlaps, `first` and `last` are their first samples."""
 
     sums: Periodograms
     pairs: int = 0
@@ -200,8 +198,6 @@ class SpectrumAccumulator(OneAtATime):
     def __repr__(self) -> str:
         return f"SpectrumAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
-    # --- private methods ------------------------------------------------------------------------------
-
     @property
     def _reach(self) -> int:
         """Number of samples at each end of this part that blocks across the end can contain."""
@@ -225,8 +221,7 @@ class SpectrumAccumulator(OneAtATime):
         self._tail = values[-self._reach :].copy()
 
     def _add(self, values: Vector, boundary: int, *, after: int, crossing: bool = False) -> None:
-        """Add the blocks of `values` that end at or after the sample with the index `boundary`, which is values[after].
-        If `crossing`, only blocks that begin before this sample are added."""
+        """Add blocks that end at or after sample `boundary` (values[after]); `crossing` excludes those after it."""
         begin = boundary - after
         for n, sums in list(self._sums.items()):
             half = n // 2

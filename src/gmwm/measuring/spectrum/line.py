@@ -109,10 +109,8 @@ CORRELATIONS = (1.0, 2 / 3, 1 / 6)
 def measured_line(
     spectrum: PowerSpectrum, first: int, last: int, *, level: float, freedom: float, height: float, p_value: float
 ) -> Line:
-    """Measure the line in the bins `first` to `last`, from the excess of the density over `level`. Its sum gives the
-    power A²/2 of a sinusoid with the amplitude A, its mean position the frequency, and its second moment the width. All
-    are linear in the density, so their standard errors follow from its covariance. A narrow line is treated as a
-    sinusoid in noise, a wider line as narrow-band noise. `freedom` are the degrees of freedom of a density."""
+    """Measure the line in bins `first` to `last` from the excess over `level`: its sum is A²/2, its mean the frequency,
+    its second moment the width, with the density's errors (sinusoid if narrow, else narrow-band noise)."""
     spacing = spectrum.rate / spectrum.length
     excess = spectrum.density[first : last + 1] - level
     if excess.sum() <= 0:  # the nulls of a filter beside the peak are deeper than the peak is high
@@ -122,8 +120,7 @@ def measured_line(
     middle = float(np.clip(place @ excess / total, first, last))
     away = place - middle
     moment = float(away**2 @ excess) / total
-    # Second central moment (bins²) of a line with a Hann window: −r''(0) / 4π², with the autocorrelation r of the
-    # window.
+    # Second moment (bins²) of a line with a Hann window: −r''(0) / 4π², autocorrelation r of the window.
     spread = moment - (1 / 3)
     error = math.sqrt(_variance((away**2 - moment) / total, excess, level=level, freedom=freedom, wandering=False))
     wandering = spread > 2 * error
@@ -151,9 +148,8 @@ def measured_line(
 def _variance(
     weights: Vector, excess: Vector, *, level: float, freedom: float, wandering: bool, overlap: float = 1.0
 ) -> float:
-    """Compute the variance of Σ weights · excess, including the error of the level. If `wandering`, the line is treated
-    as narrow-band noise, and otherwise as a sinusoid. `overlap` is the factor by which overlapping blocks change the
-    variance of the product of the sinusoid and the noise."""
+    """Compute the variance of Σ weights · excess, with the error of the level, for narrow-band noise (`wandering`) or a
+    sinusoid; `overlap` is the factor of overlapping blocks on its product with noise."""
     line = np.maximum(excess, 0.0)
     # The level is the mean of two medians of 16 bins each, so it has ten times the degrees of freedom of a bin.
     total = (float(weights.sum()) * level) ** 2 / 10
@@ -173,9 +169,8 @@ def _variance(
 def lorentz_fit(
     frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
 ) -> tuple[float, float] | None:
-    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities with `freedom` degrees of freedom. Each density
-    has a gamma distribution; the squared deviance residuals are minimised. c is `center`, also the start of f₀, and
-    `width` the start of w (Hz). Returns the fitted f₀ and w (Hz), or None if the fit fails."""
+    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to gamma-distributed densities by deviance residuals; c =
+    `center` starts f₀. Returns f₀ and w (Hz), or None."""
     from scipy.optimize import least_squares
 
     # Largest factor by which a fit may change the width; beyond, it describes another feature of the spectrum.
@@ -207,8 +202,7 @@ def lorentz_fit(
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlations (2/3)² and (1/6)² of the values of a periodogram with a Hann window that are one and two bins apart."""
 FLANK_SHARE = 5.0
-"""Degrees of freedom of the median of a flank, relative to one value. Its 16 frequencies have the information of 8
-independent values, and a median has the efficiency 2/π."""
+"""Freedom of a flank's median per value: 16 frequencies have 8 independent values, and a median the efficiency 2/π."""
 
 
 class Flanks(NamedTuple):
@@ -229,9 +223,8 @@ class Flanks(NamedTuple):
 
 
 def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, least: int) -> Flanks:
-    """Compute the medians of the values that are `nearest` to `farthest` positions away on each side of every value.
-    They are divided by the median of χ²_ν / ν, so that they estimate the level. A side with fewer than `least` values
-    gives NaN."""
+    """Compute medians of the values `nearest` to `farthest` positions away on each side, divided by that of χ²_ν / ν to
+    estimate the level; NaN with fewer than `least` values."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
     windows = sliding_window_view(padded, width)
@@ -256,8 +249,7 @@ def median_factor(freedom: Vector) -> Vector:
 
 
 def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:
-    """Return the probability that noise gives a larger ratio of a value to the level of a flank, by the F distribution.
-    Only probabilities up to `below` are computed. Larger ones are 1, and those of NaN are NaN."""
+    """Return the probability (F distribution) of a larger ratio to the flank's level in noise; 1 above `below`."""
     from scipy.special import fdtrc, fdtri
 
     # With fewer degrees of freedom, a ratio of the same significance is larger.
@@ -304,7 +296,6 @@ def _scatter(logs: Matrix) -> Vector:
 
 
 def pooled_freedom(freedom: Vector, count: Vector) -> Vector:
-    """Return the degrees of freedom of the mean of `count` neighbouring densities with `freedom` each, for a Hann
-    window."""
+    """Return the freedom of the mean of `count` neighbouring densities, for a Hann window."""
     first, second = NEIGHBOURS
     return freedom * count / (1 + 2 * first * (1 - 1 / count) + 2 * second * np.maximum(1 - 2 / count, 0))

@@ -18,8 +18,7 @@ from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 FIRST_BIN = 2
 """First bin that is used. The subtraction of the mean affects the bins 0 and 1, because of the Hann window."""
 NEAR, FAR = 4, 19
-"""Distances (bins) at which the flanks of a line begin and end: 16 bins outside the four that the Hann window affects.
-"""
+"""Distances (bins) of the flanks of a line: 16 bins outside the four of the Hann window."""
 LEAST_FLANK = 6  # smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""
@@ -28,9 +27,8 @@ INNER, OUTER = 2, 8
 def narrow_lines(
     spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
 ) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
-    """Return the significant narrow lines and bumps, and the bins that are free of them. `level` is the significance
-    level for all bins together, by Bonferroni's inequality. `testable` marks the bins in which peaks are searched. A
-    peak of a few bins with the shape of a resonance is a bump; other peaks are lines."""
+    """Return significant narrow lines and bumps (peaks with the shape of a resonance), and the bins without them;
+    `level` holds for all `testable` bins (Bonferroni)."""
     density, size = spectrum.density, spectrum.density.size - 1
     free = testable.copy()
     # The spectrum of a sampled signal is symmetric about half the rate, so a line close to it has flanks on both sides.
@@ -77,9 +75,8 @@ def narrow_lines(
 
 
 def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
-    """Return the width (Hz) of a resonance that is only a few bins wide; None if the peak is too narrow for a
-    resonance. The Hann window broadens the Lorentz shape of width w to a Voigt shape, whose width is fitted: 0.5346 w +
-    √(0.2166 w² + v²), where v is the width of the window (Olivero and Longbothum)."""
+    """Return the width (Hz) of a resonance of few bins; None if too narrow. A Hann window of width v makes it a Voigt
+    shape, fitted by 0.5346 w + √(0.2166 w² + v²) (Olivero and Longbothum)."""
     if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
         return None
     spacing = spectrum.rate / spectrum.length
@@ -98,8 +95,7 @@ def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> fl
 
 
 def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
-    """Return the number of bins on each side that contain the power of the peak at bin k; None if it is not narrow.
-    `noise` is the standard error of one density."""
+    """Return the bins on each side with the power of the peak at k, or None; `noise`: standard error of a density."""
     # Number of bins on each side of a line, which contain all of its power except a share of 7e-5.
     core = 3
     # Standard error of the summed excess at 3 to 8 bins on both sides, relative to one density: √12 for 12 bins, √1.94
@@ -120,8 +116,7 @@ _BINS, _WIDTHS = 40, 6.0
 _MOST = 200  # number of densities from which neighbours are averaged
 _SINUSOID = 0.01  # damping times the length of a block of a line that is indistinguishable from a sinusoid
 _GAIN = 25.0
-"""Smallest reduction of the deviance by a width. Sinusoids in noise exceed it in fewer than 1 of 200 recordings
-(tests/spectrum/test_resonance.py)."""
+"""Gain of deviance by a width that < 1 of 200 sinusoids in noise exceeds (tests/spectrum/test_resonance.py)."""
 
 
 class Resonance(NamedTuple):
@@ -133,12 +128,8 @@ class Resonance(NamedTuple):
 
 
 def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Line | Bump]) -> Resonance | None:
-    """Return the oscillator that a peak shows; None if the peak is a sinusoid, or if the fit fails.
-
-    The expected density of a Lorentz peak over blocks with a Hann window has a closed form, which holds for peaks that
-    are narrower than the resolution too: their flanks are visible far from the peak, where a sinusoid has none.
-    `others` are peaks whose surroundings are left out.
-    """
+    """Return the oscillator that a peak shows; None for a sinusoid, or a failed fit. The Lorentz density over Hann
+    blocks has a closed form, also below the resolution: a sinusoid has no far flanks."""
     spacing = spectrum.rate / spectrum.length
     reach = min(max(_BINS * spacing, _WIDTHS * peak.width), 0.8 * peak.frequency)
     used = np.abs(spectrum.frequencies - peak.frequency) <= reach
@@ -184,8 +175,7 @@ def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Li
 
 
 def _hann_lorentz(damping: float, distance: Vector) -> Vector:
-    """Return ∫₀¹ e^(−αu) cos(δu) c(u) du, with the autocorrelation c of the Hann window, the damping α = πwT of a peak
-    of width w over the length T of a block, and distances δ from the peak (rad per block)."""
+    """Return ∫₀¹ e^(−αu) cos(δu) c(u) du, autocorrelation c of the Hann window, α = πwT, δ in rad per block."""
     s = damping - 1j * distance
     turn = 2j * math.pi
 

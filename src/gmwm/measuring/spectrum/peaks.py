@@ -20,20 +20,16 @@ if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
 
 FALSE_ALARMS = 0.01
-"""Largest probability of a false line or bump in a spectrum of noise with a monotone density, by Bonferroni's
-inequality: one half for narrow lines and one half for wide peaks."""
+"""Largest probability of a false line or bump (Bonferroni): half for narrow lines, half for wide peaks."""
 
 
 def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, ...]]:
-    """Return the lines and the bumps of a spectrum, sorted by frequency. A line is a peak of a few bins whose density
-    is significantly above the medians of 16 bins on both of its sides. Wider peaks are found in the same way on grids
-    of constant relative resolution, from 1/3072 to 1/6 octave. They are lines of varying frequency if their frequency
-    is at least 60 times their width, and bumps otherwise."""
+    """Return lines and bumps by frequency. A line has a density significantly above the medians of 16 bins on both
+    sides. Wider ones, on grids from 1/3072 to 1/6 octave, are lines if the frequency is ≥ 60 widths, else bumps."""
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
-    # Smallest degrees of freedom, relative to stationary noise, at which peaks are searched. The spectrum of a short
-    # knock has bumps, because it correlates neighbouring frequencies.
+    # Relative degrees of freedom for peaks: a short knock correlates frequencies, which makes bumps.
     testable = freedom > 0.5 * nominal_freedom(spectrum.blocks, spectrum.blocks - 1)
     testable[:FIRST_BIN] = testable[-1] = False
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
@@ -43,8 +39,7 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
 
 
 def distinct(lines: Iterable[Line], resolution: float) -> list[Line]:
-    """Return the lines without those that are closer to a stronger line than the resolution (Hz) or half its width,
-    because a line that varies can be found in two bins."""
+    """Return lines farther than the resolution (Hz) or half a width from stronger ones: one can be in two bins."""
     strongest: list[Line] = []
     for line in sorted(lines, key=lambda line: -line.amplitude):
         if all(abs(line.frequency - other.frequency) > max(resolution, other.width / 2) for other in strongest):
@@ -53,9 +48,8 @@ def distinct(lines: Iterable[Line], resolution: float) -> list[Line]:
 
 
 def group_harmonics(lines: Iterable[Line], resolution: float) -> tuple[Line, ...]:
-    """Return the lines sorted by frequency, with the harmonic k and the fundamental f₀ of the lines of a group. The
-    frequency of such a line differs from k f₀ by at most the resolution (Hz) plus three standard errors. The
-    fundamental with the most harmonics is chosen first."""
+    """Return sorted lines with harmonic k and fundamental f₀, the one with most harmonics first. They differ from k f₀
+    by at most the resolution (Hz) plus three standard errors."""
     waiting = sorted(lines, key=lambda line: line.frequency)
     done: list[Line] = []
     while waiting:
@@ -83,10 +77,8 @@ def _multiples(first: Line, lines: Iterable[Line], resolution: float) -> list[tu
 
 
 def detectable_amplitude(spectrum: PowerSpectrum, frequency: ArrayLike, power: float = 0.9) -> Vector:
-    """Return the smallest detectable amplitudes (u); see `PowerSpectrum.detectable_amplitude`. At the frequency nearest
-    to a line, the density is S χ²_ν(ν q) / ν, with the level S of the noise, the ratio q of the density of the line to
-    S, and a noncentral chi-square variable with ν degrees of freedom. The line is detected if the density exceeds a
-    multiple of the higher flank median. q is the ratio at which this has the probability `power`."""
+    """Return the smallest detectable amplitudes (u): the density S χ²_ν(ν q) / ν, noncentral, at q times the level S
+    must exceed a multiple of the higher flank median with probability `power`."""
     from scipy.special import chndtrinc, fdtri
 
     if not 0.5 <= power < 1:

@@ -15,17 +15,14 @@ from gmwm.base.arrays import FrozenArrays, Matrix, Vector
 from gmwm.base.lazy import scipy
 
 STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
-"""Numbers of roots (p, q) that are added to the best process so far, for filters up to order 4, moving averages and
-resonances (tests/spectrum/test_short_memory.py)."""
+"""Roots (p, q) to add, for filters to order 4, averages and resonances (tests/spectrum/test_short_memory.py)."""
 HIGHEST_ORDER = 10  # largest order p or q
 LARGEST_ERROR_AT_ZERO = 0.05
 """Largest accepted standard error of the logarithm of the density at the frequency 0: 2.5 % of N, its square root."""
 POLE, ZERO = 0.987, 1 - 1e-6
-"""Largest moduli of poles and zeros. A pole of 0.987 is 0.4 % of the sampling rate wide and has a memory of 2000
-samples, the most that the covariance supports. A zero must be inside the unit circle."""
+"""Largest moduli of poles (width 0.4 % of the rate, memory 2000 samples, as the covariance supports) and zeros."""
 LARGEST_BEND = 0.25
-"""Largest absolute logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
-data. A resonance at four times the lowest frequency changes it by 0.13; the data support no larger step."""
+"""Largest |log| of the density at 0 over that at the lowest frequency; a resonance at 4 times it has 0.13."""
 STOP_BAND = 1e-4
 """Density, relative to low frequencies, below which a stop band is ignored, far below the noise of rounded outputs."""
 FACTOR_PRIOR = 2.0
@@ -38,9 +35,8 @@ _ITERATIONS, _FIRST, _KEPT = 40, 6, 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alternative:
-    """Process of another order that describes the density nearly as well as the best process. `phi` and `theta` are as
-    in `SpectralShape`, `density` is the density at the frequency 0 (unit² per cycle per sample), and `weight` the
-    posterior probability among all orders, by the Bayesian information criterion."""
+    """Another order that describes the density nearly as well (see `SpectralShape`): density at 0 (unit² per cycle per
+    sample), and posterior `weight` among all orders by the BIC."""
 
     phi: Vector
     theta: Vector
@@ -50,11 +46,10 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpectralShape(FrozenArrays):
-    """ARMA process whose power spectral density describes the measured density at high frequencies: X_t = Σ φ_i X_{t−i}
-    + ε_t + Σ θ_i ε_{t−i}. `innovation` is the variance of ε (unit²), and `covariance` that of the errors of the
-    coefficients. `misfit` is the mean squared difference between the logarithms of both densities, relative to its
-    expectation, near 1 for a good fit. `alternatives` are processes of other orders with a weight of at least 1 %.
-    `simpler` are the best processes with fewer coefficients, the one with the fewest first."""
+    """ARMA process of the measured density at high frequencies: X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}.
+
+    `innovation` is Var ε, and `covariance` that of the coefficients. `misfit` is the mean squared log error over its
+    expectation. `alternatives` have weights ≥ 1 %; `simpler` have fewer coefficients, the fewest first."""
 
     phi: Vector
     theta: Vector
@@ -74,18 +69,12 @@ def short_memory(
     frequencies: Vector, density: Vector, degrees_of_freedom: Vector, *, rate: float, known: Vector,
     order: int = HIGHEST_ORDER,
 ) -> SpectralShape:  # fmt: skip
-    """Fit an ARMA process to the part of a power spectral density that other processes (`known`) do not explain.
+    """Fit an ARMA process to the two-sided density (unit² per cycle per sample) beyond that of `known` processes.
 
-    The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). The search starts with
-    white noise and adds one to four roots at a time, from several starting points near the largest residuals. It stops
-    when the sum of squares decreases by less than log(n) for each coefficient. At the end, the factor on the known part
-    is fitted too, for all orders that are nearly as good as the best one. A process whose density at the frequency 0 is
-    uncertain is not used. Source: Brockwell and Davis (1991), Time Series: Theory and Methods, section 10.8, for the
-    likelihood that these least squares approximate.
-
-    `frequencies` (Hz) ascend and exclude lines, and `density` is two-sided (unit² per cycle per sample, σ² for white
-    noise). `order` is the largest p and q.
-    """
+    Weights 1 / (2/η + 0.005²) of log(measured / model)² approximate the likelihood (Brockwell and Davis 1991, Time
+    Series: Theory and Methods, section 10.8). From white noise on, one to four roots near the largest residuals are
+    added, until the gain per coefficient is below log(n); then the factor on `known` is fitted for all good orders. An
+    uncertain density at frequency 0 is excluded. `frequencies` (Hz) exclude lines; `order` limits p and q."""
     angles = 2 * math.pi * frequencies / rate
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
     # Smallest known part, relative to the density at low frequencies. It decreases with frequency as for a random walk.
@@ -156,10 +145,8 @@ def _grown(data: _Data, best: _ArmaPoint, price: float, *, free: bool, order: in
 
 
 def _best_start(data: _Data, best: _ArmaPoint, more: tuple[int, int], *, free: bool) -> _ArmaPoint:
-    """Return the optimum with more roots: a few steps from all starting points, then all steps from the best of
-    them."""
-    # Starting points can be equal, because a real root does not depend on the angle, and both residuals can be largest
-    # at the same frequency.
+    """Return the optimum with more roots: a few steps from all starts, then all steps from the best."""
+    # Starts can be equal: a real root has no angle, and both residuals can be largest at one frequency.
     distinct = {(a.tobytes(), b.tobytes()): (a, b) for a, b in _starts(data, best, more)}.values()
     short = [_descend(data, a, b, best.scale, slow=best.slow, free=free, steps=_FIRST) for a, b in distinct]
     first = sorted(short, key=lambda point: point.loss)[:_KEPT]
@@ -183,8 +170,7 @@ def _log_bias(degrees_of_freedom: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Data:
-    """The measured density at n frequencies. `waves` (2, HIGHEST, n) are the real and the imaginary parts of exp(−i ω
-    k). The `rows` (3, n) are the known part, the logarithms of the density, and their weights."""
+    """Measured density: `waves` (2, HIGHEST, n) are exp(−i ω k), `rows` known part, log densities and weights."""
 
     waves: NDArray[np.float64]
     angles: Vector
@@ -220,8 +206,7 @@ class _Data:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ArmaPoint:
-    """Process with the density e^scale |b|²/|a|²; `slow` is the logarithm of the factor on the known part. `a` and `b`
-    are the coefficients of the two polynomials without the leading 1."""
+    """Process with density e^scale |b|²/|a|² (`a`, `b` without the leading 1); `slow`: log factor on the known part."""
 
     data: _Data
     a: Vector
@@ -275,8 +260,7 @@ class _ArmaPoint:
 def _descend(
     data: _Data, a: Vector, b: Vector, scale: float, *, slow: float = 0.0, free: bool = False, steps: int = _ITERATIONS
 ) -> _ArmaPoint:
-    """Find the local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle. If `free`, the
-    factor on the known part is fitted too."""
+    """Find the local Levenberg-Marquardt optimum with roots inside the unit circle; `free`: also the known factor."""
     parameters = np.concatenate([[scale], a, b, [slow]])
     _core.spectral_descent(
         data.waves, data.rows, floor=data.floor, prior=FACTOR_PRIOR, p=a.size, free=free, steps=steps, near=1e-4,
@@ -316,15 +300,13 @@ def _scatter(point: _ArmaPoint, data: _Data) -> Matrix:
 
 
 def _bend(data: _Data, point: _ArmaPoint) -> float:
-    """Return the logarithm of the ratio of the density at the frequency 0 to that at the lowest frequency of the
-    data."""
+    """Return the log of the density at frequency 0 over that at the lowest frequency of the data."""
     below, above = (abs(data.polynomial(tail)[0]) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b))
     return 2 * math.log(below / above)
 
 
 def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
-    """Return the coefficients of the polynomial 1 + c₁z⁻¹ + … after its roots are moved inside the unit circle. The
-    second value is the logarithm of the factor by which this reduces the squared modulus on the unit circle."""
+    """Return 1 + c₁z⁻¹ + … with roots moved inside the unit circle, and the log factor on its squared modulus there."""
     if _core.roots_inside(tail, most):
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -337,8 +319,7 @@ def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
 
 
 def _starts(data: _Data, best: _ArmaPoint, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector]]:
-    """Yield starting points: the best process so far, with roots at the largest residuals, and at high and low
-    frequencies."""
+    """Yield starts: the best process, with roots at the largest residuals, and at high and low frequencies."""
     scaled = np.sqrt(data.weights) * best.residuals
     smooth = np.convolve(scaled, np.ones(5) / 5, mode="same")
     for residual in (smooth, scaled):
@@ -367,8 +348,7 @@ def _add_roots(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 def _alternatives(
     data: _Data, chosen: _ArmaPoint, tried: Sequence[_ArmaPoint], price: float
 ) -> tuple[Alternative, ...]:
-    """Return the best process of each other order with a weight of at least `LEAST_ORDER_WEIGHT`. The weight is
-    proportional to exp(−d/2), with d the information criterion minus that of the chosen process."""
+    """Return the best process of other orders with exp(−d/2) weights ≥ `LEAST_ORDER_WEIGHT` (d: excess criterion)."""
     best = {(point.a.size, point.b.size): point for point in (*_best_of_each_order(tried), chosen)}
     spread = max(chosen.loss / max(data.logs.size - chosen.order - 1, 1), 1.0)
     score = _score(chosen, price, spread)

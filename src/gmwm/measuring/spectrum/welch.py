@@ -26,9 +26,8 @@ def hann(length: int) -> Vector:
 
 
 class Periodograms(NamedTuple):
-    """Sums over the periodograms |FFT(w · block)|² of blocks of one length, with the Hann window w. `total` (length/2 +
-    1,) is the sum over the blocks. `levels` and `squares` (bands,) are the sums of the geometric mean in each band and
-    of its square. They show whether the noise has the same power in all blocks: lines hardly change them."""
+    """Sums over Hann periodograms of one length. `total` is over blocks; `levels` and `squares` sum bands' geometric
+    means and their squares, which show changing power and hardly react to lines."""
 
     total: Vector
     levels: Vector
@@ -51,8 +50,7 @@ class Periodograms(NamedTuple):
 
 @lru_cache(maxsize=16)
 def band_edges(length: int) -> Integers:
-    """Return the first bin of each band: the bins 2 to 31, then octaves. The bins 0 and 1 contain a part of the
-    mean."""
+    """Return the first bin of each band: bins 2 to 31, then octaves; 0 and 1 contain a part of the mean."""
     octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
     return np.array([min(2, length // 2), *octaves], dtype=np.int64)
 
@@ -104,23 +102,19 @@ def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
 
 
 def nominal_freedom(blocks: int, pairs: int) -> float:
-    """Return the edf 2 K² / (K + 2 P r) of the mean of K periodograms of stationary noise (Welch 1967). P is the number
-    of pairs of overlapping blocks, and r the correlation of the periodograms of a pair."""
+    """Return the edf 2 K² / (K + 2 P r) of K periodograms with P overlaps of correlation r (Welch 1967)."""
     return 2 * blocks**2 / (blocks + 2 * pairs * (1 / 6) ** 2)
 
 
 def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
-    """Return the equivalent degrees of freedom (length/2 + 1,) of the mean periodogram at each frequency. If the power
-    of the noise differs between the blocks, they are divided by 1 + c², where c² is the squared coefficient of
-    variation of the power of the blocks, minus the value expected for stationary noise. The first and the last
-    frequency have half as many degrees of freedom, because their Fourier coefficients are real."""
+    """Return the edf (length/2 + 1,) of the mean periodogram, half at both ends, whose Fourier coefficients are real.
+    Varying power divides them by 1 + c²: squared coefficient of variation of blocks minus that of stationary noise."""
     blocks, edges = sums.blocks, band_edges(length)
     sizes = np.diff(np.append(edges, length // 2 + 1))
     with np.errstate(invalid="ignore", divide="ignore"):
         variation = np.nan_to_num(blocks * sums.squares / sums.levels**2 - 1)
-    # The logarithm of a periodogram has the variance π²/6. Its mean over m bins has 1.94/m of this variance, because a
-    # Hann window correlates neighbouring bins. The variance of K values has a relative standard error of √(2/K), and
-    # three standard errors are allowed.
+    # Log periodograms have the variance π²/6, and means over m bins 1.94/m of it (Hann correlation). Three standard
+    # errors √(2/K) of the variance of K values are allowed.
     stationary = np.expm1(np.pi**2 / 6 * 1.94 / sizes) * (1 + 3 * math.sqrt(2 / blocks))
     reduction = 1 + np.maximum(variation - stationary, 0.0)
     freedom = np.empty(length // 2 + 1)

@@ -30,8 +30,7 @@ RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
 """Number of bins per octave of each grid, the finest first, for widths from 0.02 % to 50 % of the frequency."""
 NEAR, FAR = 4, 11  # Distances, in bins of the grid, at which the flanks begin and end. A flank has 8 bins
 INNER, OUTER = 1, 5
-"""Distances (bins of the grid) for the test whether a grid is coarse enough: the excess at 2 to 5 bins must be less
-than half of that within one bin, so that the flanks are outside the peak."""
+"""Distances (bins): the excess at 2 to 5 bins must be below half of that within one, so flanks are outside the peak."""
 AROUND, PER_WIDTH = 3.0, 6.0
 """The fit uses the frequencies within three widths on each side, and bins of at most a sixth of the width."""
 
@@ -86,9 +85,8 @@ def wide_peaks(
     spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], *, narrow: tuple[Sequence[Line], Sequence[Bump]],
     level: float,
 ) -> tuple[list[Line], list[Bump]]:  # fmt: skip
-    """Return the significant wide lines and bumps. `level` is the significance level for all bins of all grids
-    together, by Bonferroni's inequality, and `free` marks the bins without a narrow peak. A broad base of the lines and
-    bumps in `narrow` is not reported as another peak."""
+    """Return significant wide lines and bumps (Bonferroni over all bins of all grids), without broad bases of those in
+    `narrow`; `free` marks bins without a narrow peak."""
     grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
     peaks: list[WidePeak] = []
@@ -125,8 +123,7 @@ def _peaks(grid: DensityGrid, level: float) -> list[WidePeak]:
     top = np.ones(ratio.size, dtype=bool)
     top[1:] &= ~(grid.density[1:] < grid.density[:-1])
     top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
-    # Smallest ratio of the density of a bump to the level on both sides; ripples in the response of a filter are
-    # smaller.
+    # Smallest ratio of a bump to both sides; ripples of a filter's response are smaller.
     (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= 1.25))
     peaks = []
     for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
@@ -161,8 +158,7 @@ def _fit_shape(peak: WidePeak, grids: Sequence[DensityGrid]) -> WidePeak:
 
 
 def _width(grid: DensityGrid, k: int, half: float) -> float | None:
-    """Return the width (Hz) of the peak at bin k where its density falls to `half`; None if it does not on one side.
-    The width of the bins is subtracted in quadrature."""
+    """Return the width (Hz) at which the peak falls to `half`, minus bin widths in quadrature; None without a side."""
     ends = []
     for step in (-1, 1):
         j = k
@@ -195,15 +191,13 @@ def _is_compact(grid: DensityGrid, k: int, level: float) -> bool:
 
 
 def _overlap(peak: WidePeak, other: WidePeak, grid: DensityGrid | None) -> bool:
-    """Return whether two peaks are closer than the width of the wider one, or than two bins of `grid`, and so the
-    same."""
+    """Return whether two peaks are the same: closer than the wider one, or than two bins of `grid`."""
     bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
     return abs(peak.frequency - other.frequency) <= max(peak.width, other.width, bin_width)
 
 
 def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
-    """Return whether a peak is the flank of a narrow bump, or the broad base of a line whose phase is not steady. Such
-    a base has less than half the power of the line in it."""
+    """Return whether a peak is a narrow bump's flank, or the broad base (< half the power) of an unsteady line."""
     if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
         return True
     # The power of a Lorentz shape is π/2 times its height and its width.

@@ -1,5 +1,4 @@
-"""Compute the wavelet variance of one long recording in parts, on the workers of a Dask cluster, and merge the
-parts."""
+"""Compute the wavelet variance of a long recording in parts, on workers of a Dask cluster, and merge them."""
 
 from __future__ import annotations
 
@@ -54,14 +53,10 @@ def measure_in_parts(
     workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
     prepare: Callable[[Batch], Batch] | None = None,
 ) -> None:  # fmt: skip
-    """Measure the curves of a recording in one or two passes, in several processes or on several machines.
+    """Measure empty `curves` of a recording in one or two passes, in several processes or machines (`connect`).
 
-    The result is the same as in one process. Each worker reads its parts of the file directly, under the same path.
-    The size of its result does not grow with the length of the parts. If a worker is lost, another one reads its part
-    again. `curves` are empty; all samples are added to them. `scheduler` and `workers` are those of `connect`. By
-    default there are four `parts` for each thread of the workers. `done` is called in the calling thread with the
-    number of samples so far; in a second pass the count continues. `prepare` is applied to each batch.
-    """
+    The result is that of one process. Workers read their parts under the same path; a lost worker's part is read again.
+    By default each thread gets four `parts`. `done` gets the number of samples so far, over both passes."""
     with connect(scheduler, workers) as client:
         crew = _Crew(
             client, stream, {axis: axis_curves.change for axis, axis_curves in curves.items()}, parts=parts, done=done,
@@ -104,8 +99,7 @@ class _Measured(Generic[G]):
 
 @dataclass(frozen=True, eq=False)
 class _Begin(Generic[G]):
-    """For each axis, a function that creates the accumulator of a part. Dask would treat the entries of a dict
-    separately."""
+    """Functions that create each axis's accumulator of a part; Dask would split a dict."""
 
     axes: Mapping[str, Callable[[int], G]]
     changes: Mapping[str, Change | None]
@@ -166,15 +160,13 @@ class _Crew:
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library("distributed")
         if parts is None:
             path = None if not isinstance(stream._rows, FileRows) else stream._rows.path
-            # With several parts for each thread, a slow worker does not delay the others much.
-            # Default for the largest size of a part (bytes). If a worker is lost, this much must be read again.
+            # Several parts for each thread, against slow workers, of at most 4 GiB, read again if a worker is lost.
             parts = max(4 * self._threads(), (path.stat().st_size if path else 0) // (4 << 30))
         self._parts: tuple[Part, ...] = stream.parts(parts)
         self._whole: tuple[Part, ...] = stream.parts(1)
 
     def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
-        """Measure all parts and merge them in order; raise the first error in the file. Parts number their samples by
-        the rows of the file. If rows are lost, or gaps may be filled, the recording is measured again as one part."""
+        """Measure all parts in order; raise the first error. With lost rows or filled gaps, measure again as one."""
         if not axes:
             return {}
         result = self._measure_parts(axes)

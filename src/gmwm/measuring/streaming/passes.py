@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import in_threads
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import si_unit
 from gmwm.measuring.spectrum import PowerSpectra, SpectrumAccumulator
 from gmwm.measuring.spectrum.welch import Detrend
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
@@ -41,8 +41,7 @@ class Measurement(Protocol):
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
-    """Add all batches to the measurements of some axes, one thread each, with short gaps filled; all batches are
-    read."""
+    """Add all batches to the measurements, one thread per axis, with short gaps filled."""
     if not measured:
         for _ in batches:
             pass
@@ -72,21 +71,7 @@ def show_batches(batches: Iterable[Batch], to: Callable[[Batch], None] | None) -
 
 
 class AxisCurves:
-    """The classical and the robust wavelet variance of one axis, in one or two passes over its samples.
-
-    Parameters
-    ----------
-    first : WaveletAccumulator
-        Accumulator of the first pass, either empty or with all samples.
-    source : str
-        Name of the recording, for messages.
-    efficiency : float
-        Efficiency of the robust estimate.
-    passes : 2 or 1
-        Whether a second pass may be used.
-    change : callable, optional
-        Function that is applied to the samples of each batch, in both passes, before gaps are filled.
-    """
+    """Classical and robust wavelet variance of one axis in one or two passes; `change` is applied to every batch."""
 
     def __init__(
         self, first: WaveletAccumulator, source: str, *, efficiency: float = EFFICIENCY, passes: int = 2,
@@ -155,10 +140,7 @@ def measured_curves(
     efficiency: float = EFFICIENCY, passes: int = 2, threads: int | None = None, scheduler: str | Client | None = None,
     workers: int | None = None, parts: int | None = None, done: Callable[[int], None] | None = None,
 ) -> dict[str, AxisCurves]:  # fmt: skip
-    """Measure the classical wavelet variance of some axes, and the robust one if `robust`, in one or two passes.
-
-    Parameters and errors are the same as for `Stream.wavelet_variance`.
-    """
+    """Measure curves of some axes in one or two passes; see `Stream.wavelet_variance` for parameters and errors."""
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(argument="passes", expected="2 or 1", got=passes)
@@ -209,14 +191,13 @@ def accumulators(
 
 def unit_of(recording: Imu | Streamed, axis: str) -> str:
     """Return the unit of an axis; chunks are in SI units."""
-    return recording.signals[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
+    return recording.signals[axis].unit if isinstance(recording, Imu) else si_unit(axis)
 
 
 def feed_chunks(chunks: Iterable[Chunk], measured: Mapping[str, WaveletAccumulator]) -> None:
     """Add chunks to accumulators as they arrive, with gaps filled in small blocks to keep the delay short."""
 
-    # Number of samples whose gaps are filled together while a recording is watched: 80 s at 100 Hz. The value is a
-    # choice.
+    # Samples whose gaps are filled together while watching: 80 s at 100 Hz, a choice.
     block = 1 << 13
 
     def batches() -> Iterator[Batch]:
@@ -241,9 +222,7 @@ def stream_psd(
     """Estimate the power spectral density of each axis of a recording of any length; see `Stream.psd`."""
     as_confidence(confidence)
     measured = {
-        axis: SpectrumAccumulator(
-            stream.rate, length=length, detrend=detrend, unit=SI_UNIT[axis_quantity(axis)], axis=axis
-        )
+        axis: SpectrumAccumulator(stream.rate, length=length, detrend=detrend, unit=si_unit(axis), axis=axis)
         for axis in stream.axes
     }
     measure(Batches(stream, done), {axis: _Spectrum(accumulator) for axis, accumulator in measured.items()})

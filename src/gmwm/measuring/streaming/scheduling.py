@@ -21,22 +21,15 @@ if TYPE_CHECKING:
 SCHEDULER_WAIT_S = 10
 """Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent process may end the
-workers."""
+"""Code that a worker runs first, so that Ctrl-C, which reaches all processes, leaves it to the parent."""
 
 
 @contextmanager
 def connect(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
-    """Connect to a Dask scheduler by its address or client, or to `workers` processes with one thread each here.
+    """Connect to a Dask scheduler by address or client, or to `workers` processes (one per processor by default).
 
-    None starts processes here, by default one per processor. They end with the block; a client that is passed is not
-    closed. They import the script that runs, which must have its work under `if __name__ == "__main__":`.
-
-    >>> with connect("127.0.0.1") as client:
-    ...     client.submit(sum, [1, 2]).result()
-    Traceback (most recent call last):
-    gmwm.base.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
-    """
+    Own processes end with the block. They import the script that runs: its work belongs under `__name__ ==
+    "__main__"`."""
     distributed = library("distributed")
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
@@ -108,8 +101,7 @@ def _client(distributed: Any, address: object) -> Any:
 
 
 def _registered(distributed: Any, address: str) -> Any:
-    """Register a client with a scheduler. Repeat it while the scheduler sends its answer together with a message to
-    all clients (a cancelled key of another one), which Dask's handshake refuses by an assertion."""
+    """Register a client; repeat while the answer comes with a message to all clients, which Dask asserts against."""
     deadline = time.monotonic() + SCHEDULER_WAIT_S
     while True:
         try:

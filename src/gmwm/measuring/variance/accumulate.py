@@ -207,8 +207,6 @@ class WaveletAccumulator(SegmentedAccumulator):
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
-    # --- state ----------------------------------------------------------------------------------------
-
     @one_at_a_time
     def to_dict(self) -> dict[str, Any]:
         """Return the whole state as numbers, strings and arrays, for pickle, `numpy.savez`, or (as lists) JSON."""
@@ -268,8 +266,6 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     def __repr__(self) -> str:
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
-
-    # --- private methods ------------------------------------------------------------------------------
 
     def _copy(self) -> WaveletAccumulator:
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""

@@ -215,16 +215,14 @@ def hadamard_variance(
     return cluster_variance(phase, noise, confidence, family="hadamard", kind=kind, **values)
 
 
-# The constants (b, c, a) of Howe and Greenhall by noise exponent α. The degrees of freedom are b T/τ − c, and the
-# expectation is (1 − a τ/T) σ²(τ), with the Allan variance σ² and the duration T of the recording.
+# Constants (b, c, a) of Howe and Greenhall by α: edf b T/τ − c, and expectation (1 − a τ/T) σ²(τ) over T.
 _FREQUENCY_NOISE = {
     0: (1.5, 0.0, 0.0),
     -1: (24 * np.log(2) ** 2 / np.pi**2, 0.222, 1 / (3 * np.log(2))),
     -2: (140 / 151, 0.358, 0.75),
 }
-# The constant a for phase noise, for which an end value contributes to many differences. For white PM it is exact: each
-# of the 2n differences that extend beyond an end has a variance of 10 σ² instead of 6 σ². For flicker PM it was
-# determined by simulations.
+# a for phase noise, whose end values are in many differences: exact for white PM (each of 2n differences beyond an end
+# has 10 σ² instead of 6 σ²), simulated for flicker PM.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 
 
@@ -308,12 +306,11 @@ def _bias(alphas: Integers) -> Vector:
 
 
 def total_degrees_of_freedom(alphas: Integers, clusters: Integers, points: int) -> Vector:
-    """Compute the equivalent degrees of freedom of the total variance, at least 1. For white, flicker and random-walk
-    noise of the rate they are b T/τ − c (Howe and Greenhall). For few samples per cluster, they are reduced by the same
-    factor as those of the overlapping Allan variance. For white PM they are 72 (1 + 4/(3r))² / (64/r² + (320/r +
-    140)/N) to leading orders in τ/T, with r = T/τ; this formula was derived for gmwm, and its term 64/r² comes from the
-    end values. For flicker PM, simulations support the degrees of freedom of the overlapping Allan variance up to τ =
-    T/4, and proportionality to T/τ beyond."""
+    """Compute the edf of the total variance, ≥ 1: b T/τ − c for rate noise (Howe and Greenhall).
+
+    Few samples per cluster reduce them as for the overlapping Allan variance. White PM has 72 (1 + 4/(3r))² / (64/r² +
+    (320/r + 140)/N), r = T/τ, derived for gmwm to leading orders; 64/r² is from end values. Flicker PM has those of the
+    Allan variance up to τ = T/4, then ∝ T/τ (simulations)."""
     # Number of samples per cluster that represents a recording in continuous time.
     fine = 1024
     intervals = points - 1

@@ -24,8 +24,7 @@ from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
 
 Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
-"""Noise terms of IEEE Std 952: quantization noise, angle or velocity random walk, bias instability, rate random walk
-and rate ramp."""
+"""Noise terms of IEEE Std 952: quantization, random walk, bias instability, rate random walk, rate ramp."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +47,7 @@ LAWS: dict[Term, _Law] = {
 
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
-    """Return the unit of a coefficient for data in `unit`, and the factor from the unit of the data and seconds to it.
-
-    >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
-    >>> name, round(factor, 3)
-    ('deg/√h', 3437.747)
-    """
+    """Return the unit of a coefficient for data in `unit`, and the factor from its unit and seconds."""
     one_of(units, "units", ("si", "datasheet"))
     if units == "datasheet" and find_unit(unit) is None:
         raise OptionError(
@@ -69,11 +63,8 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
 
 @dataclass(frozen=True, kw_only=True)
 class SlopeLine:
-    """Line of fixed slope that was fitted to the averaging times `first` to `last` (s) of an Allan deviation.
-
-    `coefficient` is in the unit of the data and seconds, and `points` the number of values. If `bound`, it is only an
-    upper bound: the bias instability of a curve that still falls at its end.
-    """
+    """Line of fixed slope, fitted to averaging times `first` to `last` (s); `coefficient` in unit of data and s.
+    `bound`: only an upper bound, the bias instability of a curve that still falls."""
 
     term: Term
     coefficient: float

@@ -218,8 +218,7 @@ def variances_alone(
 def _classical(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> tuple[Vector, list[float]]:
-    """Compute the mean square of all coefficients at each level, and the mean rises of segments from the Haar
-    kernel."""
+    """Compute mean squares by level, and the mean rises of segments from the Haar kernel."""
     if filter.lags:
         variance, rises = _classical(segments, HAAR, transform, levels)
         scales = filter.numbers(levels)[len(filter.lags) :]

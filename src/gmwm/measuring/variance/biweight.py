@@ -26,25 +26,19 @@ Criterion = Callable[[float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Biweight:
-    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, and 0 otherwise. The M-estimate of the scale σ of
-    coefficients W solves mean ρ(W/σ) = a, the expectation of ρ under N(0, 1). Coefficients beyond the cut-off c σ have
-    no weight."""
+    """Tukey's biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, else 0: mean ρ(W/σ) = a = E ρ under N(0, 1) determines σ."""
 
     c: float
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """Compute mean ρ − a and its derivative with respect to log σ². `cubed` and `fourth` are Σ v q³ and Σ v q⁴ over
-        `count` coefficients, with v = min(r²/c², 1) and q = 1 − v."""
+        """Compute mean ρ − a and its derivative by log σ², from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1 − v."""
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 
 
 def biweight(efficiency: float) -> Biweight:
-    """Return the biweight with an efficiency from 0.3 to 0.99 for uncorrelated Gaussian coefficients.
-
-    The efficiency of the M-estimator of σ is e = (E r ρ′(r))² / (2 Var ρ(r)). On the branch c > 2.6 used here, e
-    increases with c. Raises OptionError for another efficiency.
+    """Return the biweight of efficiency e (0.3 to 0.99): e = (E r ρ′(r))² / (2 Var ρ(r)) increases for c > 2.6.
 
     >>> round(biweight(0.6).c, 6), round(biweight(0.6).a, 7)
     (4.400278, 0.5691689)
@@ -102,9 +96,8 @@ def _legendre() -> tuple[Vector, Vector]:
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
-    """Find the root that Newton's method in log σ² reaches from 0, and count evaluations. None if the criterion does
-    not decrease or an iterate leaves the range; this excludes the spurious root at 0.07 σ², which exists even without
-    outliers."""
+    """Find Newton's root in log σ² from 0, and count evaluations; None if the criterion rises or it leaves the range,
+    against the spurious root at 0.07 σ² without outliers."""
     place = 0.0
     for count in range(1, 41):
         value, slope = criterion(place)
@@ -129,9 +122,8 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """Find a root at which the criterion decreases, from log σ² = 0, and all local maxima. If the criterion is positive
-    at 0, σ² is too small, and the first root above is chosen, otherwise the first below, as by σ² ← σ² mean ρ / a, or
-    the nearest in the other direction."""
+    """Find a falling root, from log σ² = 0, and all local maxima: above if positive at 0, otherwise below, as by σ² ←
+    σ² mean ρ / a, or the nearest in the other direction."""
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
     inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
@@ -168,8 +160,7 @@ def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[fl
 
 
 def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
-    """Find the root between a positive criterion at `low` and a negative one at `high` by Newton's method, and count
-    evaluations."""
+    """Find the root between criteria > 0 at `low` and < 0 at `high` by Newton's method, and count evaluations."""
     place, count = (low + high) / 2, 0
     for count in range(1, 101):  # noqa: B007
         value, slope = criterion(place)

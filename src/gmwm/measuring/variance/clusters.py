@@ -158,11 +158,8 @@ def cluster_variance(
 def of_parts(
     x: Any, measure: Callable[[Any, Any], ClusterVariance], clusters: Any, divisor: int
 ) -> ClusterVariance | ResultsByAxis[ClusterVariance] | None:
-    """Return the variance of each axis of a recording or column of an array, or the pooled variance of the segments of
-    a signal with gaps that are not filled; None for one signal without such gaps.
-
-    `measure` is a function of a signal and of cluster sizes. A segment of N samples has cluster sizes up to N/divisor.
-    """
+    """Return variances by axis or column, or pooled over segments; None for one signal without unfilled gaps. `measure`
+    takes a signal and cluster sizes, up to N/divisor of a segment with N samples."""
     if (signals := signals_of(x)) is not None:
         return ResultsByAxis(results={axis: measure(signal, clusters) for axis, signal in signals.items()})
     if not isinstance(x, Signal) or len(x.segments) == 1:
@@ -183,8 +180,7 @@ def of_parts(
 
 
 def _pooled(curves: Sequence[ClusterVariance], samples: int) -> ClusterVariance:
-    """Return the mean of the curves of segments, weighted by the numbers of squared differences; the longest segment is
-    the first. The segments are independent, so Var(Σ w v) = Σ w² 2 v²/edf determines the degrees of freedom."""
+    """Return the mean of segments' curves, longest first, by numbers of differences; Var(Σ w v) = Σ w² 2 v²/edf."""
     first = curves[0]
     terms = np.zeros((4, len(first)))  # Σ c, Σ c v, Σ c v/b and Σ c²/edf, with the counts c and the bias b
     for curve in curves:

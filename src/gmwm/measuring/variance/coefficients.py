@@ -19,8 +19,7 @@ class CoefficientSource(Protocol):
     counts: Integers
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Return Σ v q³, Σ v q⁴ and the number of terms, v = min(W²/limit, 1) and q = 1 − v, from about one in `every`
-        coefficients; `limits` has (cσ)² for each level, or 0 to skip it."""
+        """Return Σ v q³, Σ v q⁴ and their number, for one in `every` W; v = min(W²/limit, 1), q = 1 − v, 0: skip."""
 
     def sample(self, k: int, size: int) -> Vector:
         """Return |W| at `size` evenly spread positions, or all |W| if there are no more."""
@@ -58,8 +57,7 @@ def haar_resolution(peak: float, level: int) -> float:
 
 def require_digits(x: Vector) -> None:
     """Raise DataError if a value is so large that the running sum loses the digits of the other values."""
-    # Largest distance of a value from the median, relative to the median of these distances. With larger values, the
-    # rounding error of the running sum exceeds 1e-4 of a typical coefficient.
+    # Distance over median distance from the median beyond which sums round by 1e-4 of a typical coefficient.
     limit = 2.0**38
     sample = x[:: max(1, x.size // SAMPLED_COEFFICIENTS)]
     middle = float(np.median(sample))
@@ -123,8 +121,7 @@ class PlainCoefficients(CoefficientSource):
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Return one |W| from each of `size` intervals, at golden-ratio positions, so that a periodic W does not
-        alias."""
+        """Return one |W| of each of `size` intervals, at golden-ratio positions: no alias of a periodic W."""
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)

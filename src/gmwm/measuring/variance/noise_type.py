@@ -14,33 +14,23 @@ from gmwm.base.arrays import Integers, Vector
 from gmwm.measuring.variance.phase import inner_product
 
 LARGEST_FINITE = 100
-"""Largest product of the cluster size and d + 1 for which the covariance of the sampled process is used; for larger
-products, that of the process in continuous time."""
+"""Largest cluster size times d + 1 with the sampled covariance; beyond, that of continuous time."""
 
 
 def degrees_of_freedom(
     exponents: Integers, clusters: Integers, points: int, *, order: int, overlapping: bool,
     modified: bool = False,
 ) -> Vector:  # fmt: skip
-    """Compute the equivalent degrees of freedom (edf) of variances that average squared phase differences of order d.
+    """Compute the edf, 2 E(V)²/Var(V) ≥ 1, of variances V that average squared phase differences of order d.
 
-    The edf of a variance V are 2 E(V)²/Var(V), and at least 1. Let s_z(t) be the covariance of two differences that are
-    t clusters apart, S the number of differences per cluster, M the total number of differences, and
-    J = min(M, (d + 1) S). Then
+    With the covariance s_z(t) of differences t clusters apart, S per cluster, M in all, and J = min(M, (d + 1) S),
 
         1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
 
-    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes. For small clusters, white and
-    random walk FM are discrete-time processes. Source: Greenhall and Riley (2003), 35th PTTI Meeting, 267-280, who
-    average the phase over a sample and use tabulated limits; NIST SP 1065 (2008), section 5.4.
-
-    `exponents` are the noise exponents α (2 − 2d < α <= 2 and α > 1 − 2d) of clusters of m samples, `points` the number
-    of values of the phase, and `order` is d (2: Allan, 3: Hadamard). If `overlapping`, a difference starts at every
-    sample (S = m, else S = 1); if `modified`, differences are averaged over a cluster.
-
-    >>> degrees_of_freedom(np.array([0, 0]), np.array([1, 10]), 1001, order=2, overlapping=True).round(1)
-    array([666.2, 146.1])
-    """
+    Beyond 240 terms, a trapezoidal rule with 240 nodes is used; small clusters of white and random-walk FM are in
+    discrete time. Source: Greenhall and Riley (2003), 35th PTTI Meeting, 267-280, who average the phase and use tables;
+    NIST SP 1065 (2008), section 5.4. The exponents α have 2 − 2d < α <= 2 and α > 1 − 2d; d (`order`) is 2 (Allan) or 3
+    (Hadamard). S = m if `overlapping`, else 1; if `modified`, differences are averaged over a cluster."""
     result = np.empty(clusters.size)
     # Averaging over a cluster of one sample has no effect.
     averaged = (clusters > 1) & modified
@@ -113,9 +103,8 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
 
 
 def _phase_covariance(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
-    """Compute s_x(t), the generalised autocovariance of the phase, at a lag of t clusters. s_x is −F² times the second
-    difference, with a step of 1/F, of the kernel s_w for α, with F = `filter_factor`. For F → ∞ it is the kernel for α
-    + 2. For running sums of white and random-walk samples it is |t| and |t|³ − |t|/n²."""
+    """Compute s_x(t), the generalised autocovariance of the phase at t clusters: −F² times the second difference, step
+    1/F, of the kernel for α (for α + 2 if F → ∞). Sums of white and random-walk samples have |t| and |t|³ − |t|/n²."""
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
     if alpha == 1:
@@ -141,8 +130,7 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|, far from 0 by its series 2
-    ln|u| + 3 − 1/(6u²) without cancellation."""
+    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|; by its series far from 0."""
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)
     difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)
@@ -157,9 +145,8 @@ def _square_log(u: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class NoiseType:
-    """Type of power-law noise, with its name in time keeping (PM: noise of the phase, FM: noise of its rate).
-    `exponent` is α of the spectral density f^α of the rate, `slope` the slope of the Allan deviation (Hadamard
-    deviation for α ≤ −3) over the averaging time on logarithmic axes, and `term` the name in inertial sensing or ""."""
+    """Power-law noise by its name in time keeping, α of the density f^α of the rate, `slope` of the Allan deviation
+    (Hadamard for α ≤ −3), and `term` in inertial sensing or ""."""
 
     name: str
     exponent: int
@@ -202,25 +189,18 @@ def exponents(noise: Sequence[NoiseType]) -> Integers:
 def noise_types(
     phase: Vector, clusters: Integers, variance: Vector, *, reddest: int,
 ) -> tuple[NoiseType, ...]:  # fmt: skip
-    """Identify the dominant noise at each cluster size, from the phase without a straight line and its `variance`.
+    """Identify the dominant noise at each cluster size, from every n-th (at most the middle 1024) detrended phase.
 
-    The phase is decimated to every n-th sample. If more than 1024 values remain, the 1024 values in the middle are
-    used. The method depends on the number of values:
+    - From 30 values: lag 1 autocorrelation r₁ of differences of order d, which grows until δ = r₁/(1 + r₁) < 1/4. Then
+      α = 2 − 2d − round(2δ); for d, n ≥ 2, cluster means are smoother, so the α with the nearest theoretical r₁ is it.
+    - From 10 cluster means: B1, the ratio of their variance to their Allan variance. Fewer: the smaller size's type.
 
-    - For at least 30 values, the lag 1 autocorrelation r₁ of their differences of order d is used. With
-      δ = r₁/(1 + r₁), d increases until δ < 1/4, and α = 2 − 2d − round(2δ). For d ≥ 2 and n ≥ 2, cluster means are
-      smoother than the fractional noise of this rule, so the α with the nearest theoretical r₁ is used.
-    - For at least 10 cluster means, B1 is used, the ratio of their variance to their Allan variance.
-    - For fewer cluster means, the type of the next smaller cluster is used.
-
-    For n ≥ 8, the ratio of the modified to the overlapping Allan variance (`modified_ratio` of n) distinguishes white
-    from flicker PM; for n ≥ 64 it can also reject PM. If the mean linear rise of the rate causes more than half of an
-    Allan variance, the type is drift. `reddest` is the smallest α for which the variance is finite: −2 for the Allan
-    variance, and −4 for the Hadamard variance, which a drift does not affect.
+    R(n), modified over overlapping Allan variance, distinguishes white and flicker PM (n ≥ 8) or rejects PM (n ≥ 64). A
+    mean rise of the rate that causes over half of an Allan variance is drift. `reddest`: smallest α with finite
+    variance.
 
     Source: Riley and Greenhall (2004), Power law noise identification using the lag 1 autocorrelation, 18th EFTF. B1
-    and R(n): NIST Special Publication 1065 (2008), section 5.5.
-    """
+    and R(n): NIST Special Publication 1065 (2008), section 5.5."""
     types = []
     last = UNDETERMINED
     for n, measured in zip(clusters.tolist(), variance.tolist(), strict=True):
@@ -275,11 +255,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ.
-
-    >>> b1_ratio(10, -1), b1_ratio(10, 1)
-    (1.0, 5.0)
-    """
+    """Compute B1(N, μ), the ratio of the variance of N cluster means to their Allan variance, which is ∝ τ^μ."""
     if mu == 0:
         return means * math.log(means) / (2 * (means - 1) * math.log(2))
     return means * (1 - float(means) ** mu) / (2 * (means - 1) * (1 - 2.0**mu))
@@ -309,8 +285,7 @@ def modified_ratio(phase: Vector, n: int) -> float:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """Return the noise type for R(n): in theory 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, ½ for white
-    FM."""
+    """Return the noise type for R(n): 1/n for white PM, 3.37/(1.04 + 3 ln n) for flicker PM, ½ for white FM."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= 64 and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 
 
 class HeldSamples:
-    """Samples in the order of their arrival, divided into segments by gaps.
-
-    Chunks with fewer samples than `buffer` are copied into it. `inbox` has the buffer and the number of samples in it;
-    chunks can be appended to it directly.
+    """Samples in order of arrival, divided into segments by gaps; `inbox` is the buffer of small chunks and its fill.
 
     >>> held = HeldSamples()
     >>> held.add(np.array([1.0, 2.0]))
@@ -113,18 +110,16 @@ LEAST_EXACT = 6
 MOST_EXACT = 24  # largest number of exact levels
 MOST_LEVELS = 44  # largest number of levels: 2^44 samples are 500 years at 1 kHz
 MEMORY_BYTES = 1 << 29
-"""Default limit (bytes) of the memory of all accumulators of a recording. Six axes then store 8.4 million samples, 23 h
-at 100 Hz; for more samples, 21 levels are exact."""
+"""Default memory (bytes) of a recording's accumulators: 8.4 million samples (six axes), then 21 exact levels."""
 PANEL_SAMPLES = 1 << 20  # largest number of samples that are processed together
 UNCOPIED_SAMPLES = 1 << 18  # number of samples from which a chunk is processed without a copy
 
 
 class SegmentedAccumulator(OneAtATime):
-    """Sums over the wavelet coefficients of a recording that arrives in chunks of any size. Several threads may use one
-    accumulator: one call runs at a time, and samples are in the order of the calls. Up to `held` samples (2^exact − 1
-    by default, for which all levels are exact) are stored unprocessed. More samples are processed in panels, and only
-    sums are kept. `start` is the index of the first sample in the recording, and `collector` computes further
-    statistics of the coefficients. The other parameters are as for `WaveletAccumulator`."""
+    """Sums over the wavelet coefficients of a recording in chunks, one thread at a time.
+
+    Up to `held` samples (2^exact − 1 by default) are stored, with all levels exact; more are processed in panels to
+    sums. `start` is the index of the first sample; `collector` adds statistics. See also `WaveletAccumulator`."""
 
     def __init__(
         self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
@@ -133,8 +128,7 @@ class SegmentedAccumulator(OneAtATime):
         self.levels = whole(levels, "levels", 1, MOST_LEVELS)
         self.start = whole(start, "start", 0, 1 << 62)
         self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
-        # `_first` is the first segment after a gap has closed it, `_last` is the open segment, and `_squares`,
-        # `_counts`, `_statistics`, `_lengths` and `_rises` are sums over the segments between them.
+        # `_first` is closed by a gap, `_last` is open, and the others are sums over the segments between them.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
         self._collector = collector
@@ -204,8 +198,6 @@ class SegmentedAccumulator(OneAtATime):
             self._held.gap()
         else:
             self._end_segment()
-
-    # --- private methods ------------------------------------------------------------------------------
 
     def _require_following(self, following: object, *alike: str) -> None:
         """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""

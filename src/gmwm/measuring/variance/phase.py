@@ -31,9 +31,8 @@ SCALE_DOWN = "Pass the signal in a larger unit."
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Phase of a recording, minus a straight line. It is in the unit of the rate: time is measured in samples.
-    `samples` is the number of input values, `rate` the sampling rate (Hz), and `unit` the unit of the rate. `octaves`
-    are the sums of squared second differences at 1, 2, 4, … samples, if they were computed together with the phase."""
+    """Phase of a recording minus a straight line, in the rate's unit times samples; `octaves` are sums of squared
+    second differences at 1, 2, 4, … samples, if computed."""
 
     values: Vector
     rate: float
@@ -50,9 +49,8 @@ class Phase:
 
 
 def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False) -> Phase:
-    """Compute the phase: the running sum of the rate without its mean, or the given phase without a straight line. With
-    `straighten`, the rate loses a straight line too, against rounding in third differences. With `octaves`, sums of
-    squared second differences come from the same pass. Raises errors as `allan_variance` does."""
+    """Compute the phase: running sum of the centred rate, or the given phase without a line. `straighten` removes a
+    line from the rate too, against rounding in third differences."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:

@@ -18,21 +18,11 @@ from gmwm.theory.filters import find_filter
 
 Number = TypeVar("Number", np.float64, np.int64)
 SAME_RATE_DIFFERENCE = 1e-3
-"""Largest relative difference of the sampling rates. Real clocks differ by 1e-5; 1e-3 changes the wavelet variance by
-at most 0.3 %."""
+"""Largest relative difference of rates: clocks differ by 1e-5, and 1e-3 changes the wavelet variance by ≤ 0.3 %."""
 
 
 def pool(curves: Mapping[str, WaveletVariance]) -> WaveletVariance:
-    """Pool independent recordings of one unit like segments of one recording with gaps: ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r
-    M_rj. The attribute `recordings` has the single curves; a single curve is returned unchanged. Raises DataError if
-    they differ in their rate, unit, filter, transform or estimator.
-
-    >>> from gmwm import WN, wavelet_variance
-    >>> days = {day: wavelet_variance(WN(sigma2=1.0).simulate(4096, 100.0, rng=k), 100.0)
-    ...         for k, day in enumerate(("monday", "tuesday"))}
-    >>> pool(days)
-    WaveletVariance(unnamed, haar, 12 levels, 8192 samples in 2 recordings at 100 Hz)
-    """
+    """Pool recordings of one unit like segments, ν̂_j² = Σ_r M_rj ν̂_rj² / Σ_r M_rj, in attribute `recordings`."""
     names, items = list(curves), list(curves.values())
     first = items[0]
     if len(items) == 1:
@@ -103,9 +93,8 @@ def _differ(what: str, value: str, other: str) -> DataError:
 
 
 def _reach(items: list[WaveletVariance]) -> int:
-    """Return the number of levels of the pooled curve: those of the longest curve, up to a level that another curve
-    lacks. A curve lacks a level that its length allows if, for example, a regression left it out. The covariance of
-    segments requires the coefficients of every segment that is long enough."""
+    """Return the number of pooled levels: the longest curve's, up to one that another lacks (e.g. by a regression), as
+    a covariance of segments needs all long enough ones."""
     levels = max(items, key=len).levels
     reach = levels.size
     for wv in items:

@@ -12,9 +12,8 @@ from gmwm.recording.signals import Signal
 
 
 class RiseSums(NamedTuple):
-    """Sums for the least-squares slope of a straight line through samples at known times t (in sampling intervals).
-    `number` is the number of samples, `time` and `value` are the means t̄ and x̄, `times2` and `product` are Σ (t −
-    t̄)² and Σ (t − t̄)(x − x̄). `known` is 1 if the times are known and in order, else 0."""
+    """Sums for the least-squares slope of samples at times t (sampling intervals): means t̄ and x̄, `times2` Σ (t −
+    t̄)², `product` Σ (t − t̄)(x − x̄); `known` is 1 if times are known and in order."""
 
     number: float = 0.0
     time: float = 0.0
@@ -106,9 +105,8 @@ class ThinnedValues:
 
 @dataclass(frozen=True, eq=False)
 class WinsorisedRise:
-    """Weights and clipping limits for the mean rise of a recording. Contributions of parts can be added in any order.
-    Values are clipped to `middle` ± `reach`. `edges` (S + 1,) are the indices at which the S segments begin and the
-    last one ends, and `weights` (S,) the weights of Σ (t − t_m) x_t, where t_m is the middle of the segment."""
+    """Weights and limits (`middle` ± `reach`) of the mean rise, added by parts in any order; `edges` (S + 1,) of
+    segments, and `weights` (S,) of Σ (t − t_m) x_t with the segment's middle t_m."""
 
     middle: float
     reach: float

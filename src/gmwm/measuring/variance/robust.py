@@ -1,8 +1,6 @@
-"""Robust wavelet variance, which is the M-estimate of scale of the coefficients at each level.
+"""Robust wavelet variance, the M-estimate of scale of the coefficients at each level.
 
-Newton's method finds an approximate root of the estimating equation for a sample of the coefficients, from their
-median. Two or three passes over all coefficients then refine the roots of all levels; each reads the running sum once.
-"""
+Newton's method starts at the median of a sample; two or three passes over all coefficients refine its roots."""
 
 from __future__ import annotations
 
@@ -25,12 +23,10 @@ MEAN_SQUARE_COUNT = 2
 """Largest number of coefficients for which the variance is the mean square, because no outlier can be identified."""
 
 LARGE_SHARE = 0.25
-"""Share of unrejected outliers in a robust variance from which a remark says that the curve must not be used. Pinned by
-tests/variance/test_unrejected.py."""
+"""Share of unrejected outliers from which a robust curve must not be used (tests/variance/test_unrejected.py)."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
-"""Method of a level: "root" of the equation; "mad", (MAD / 0.67449)², without a root; "mean" of one or two squares;
-"zero" if most coefficients are zero."""
+"""Method of a level: "root", "mad" without one: (MAD / 0.67449)², "mean" of 1–2 squares, "zero" if most are 0."""
 
 
 @dataclass
@@ -53,10 +49,8 @@ class _RootSearch:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels (J,), with diagnostics of the search, and whether there are isolated outliers.
-    The diagnostics are lists with one value
-    for each level: "outcome", see `Outcome`; "start", the starting value of σ²; "iterations" on a sample of the
-    coefficients; "passes" over all coefficients; "zeros", the share of zero coefficients."""
+    """Robust variances (J,), whether outliers are isolated, and lists by level: "outcome", "start" (σ²), "iterations"
+    on a sample, "passes" over all, and "zeros", the share of zero coefficients."""
 
     variance: Vector
     diagnostics: Mapping[str, list[Any]]
@@ -64,11 +58,8 @@ class RobustVariances:
 
 
 def robust_variances(source: CoefficientSource, efficiency: float = 0.6) -> RobustVariances:
-    """Compute the M-estimate of σ² at every level. It is a root of mean ρ(W/σ) = a, see `Biweight`. If there are
-    several roots, the search starts at (MAD / 0.67449)², with the median MAD of |W|, and accepts only roots at which
-    the left side decreases with σ. The MAD is 0 if more than half of the coefficients are zero, as at fine levels of a
-    coarsely quantized signal. The search then starts at the median of the nonzero coefficients, and the variance is 0
-    without a root."""
+    """Compute the M-estimate of σ² by level, the root of mean ρ(W/σ) = a with a falling left side, from (MAD /
+    0.67449)². If the MAD is 0, as at fine levels of quantized signals, it starts at the median of nonzero |W|."""
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
     _polish(source, levels, tuning)
@@ -100,14 +91,11 @@ def _isolated(source: CoefficientSource, variance: Vector) -> bool:
 def unrejected(
     estimate: RobustVariances, classical: Vector, freedom: Vector, efficiency: float
 ) -> tuple[list[float], Matrix] | None:  # fmt: skip
-    """Estimate the share of isolated outliers in robust variances that the estimate does not reject, because several of
-    them fall into each of its coefficients. Return this share (J,) and its relative covariance (J, J); None if there
-    are no outliers, or if they do not matter.
+    """Estimate the share (J,) of isolated outliers that robust variances do not reject, and its relative covariance.
 
-    Isolated outliers are white, so that they add (ν̂₁² − ν̃₁²) 2^{1−j} to level j of the classical curve ν̂². The excess
-    of the robust curve ν̃² over the classical one without them is the share b_j that it does not reject. The error u_j
-    of the first level has the same effect as outliers that are too small to be detected. Relative to ν̃², both grow by
-    2 from level to level beside strong quantization. `freedom` (J,) are degrees of freedom of the classical curve."""
+    Such outliers are white, so they add (ν̂₁² − ν̃₁²) 2^{1−j} to level j of ν̂². The share b_j is the excess of ν̃²
+    over the rest of ν̂². The error u_j of the first level acts like undetected outliers; both double by level beside
+    strong quantization. None if no outliers matter; `freedom` (J,) is that of the classical curve."""
     robust = estimate.variance
     if not (estimate.isolated and np.all(robust > 0) and np.all(freedom > 0)):
         return None
@@ -128,16 +116,7 @@ def unrejected(
 
 
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
-    """Compute the robust variance of zero-mean coefficients (M,), the square of Tukey's biweight M-estimate of scale.
-
-    Coefficients with |W| up to `resolution` are treated as zero (rounding error). Raises DataError if a coefficient is
-    not finite, or the array is empty, and OptionError if `efficiency` is not from 0.3 to 0.99.
-
-    >>> w = np.random.default_rng(1).normal(size=100_000)
-    >>> w[::100] = 1e6
-    >>> print(f"{robust_variance(w):.1f}")
-    1.0
-    """
+    """Compute the squared biweight M-estimate of scale of coefficients (M,); |W| up to `resolution` counts as zero."""
     plain = PlainCoefficients([as_vector(coefficients, "coefficients")], [resolution])
     return float(robust_variances(plain, efficiency).variance[0])
 
@@ -183,8 +162,7 @@ def _search(level: _RootSearch, sample: Vector, resolution: float, complete: boo
         result = scan(criterion, tolerance)
         root, level.iterations = result.root, level.iterations + result.evaluations
         if root is None and not complete:
-            # The error of the mean of ρ on the sample is 4 % of a. If the sample nearly has a root, the criterion of
-            # all coefficients may have one.
+            # The mean of ρ on the sample is off by 4 % of a, so near roots may be roots of all coefficients.
             near = [(abs(place), place) for place, value in result.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
@@ -218,8 +196,7 @@ def criterion_of(source: CoefficientSource, k: int, origin: float, tuning: Biwei
 
 def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Biweight) -> None:
     """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
-    # Before the passes over all coefficients, one Newton step uses one eighth of the recording, if this part has more
-    # independent coefficients than the sample of the level.
+    # First, one Newton step uses an eighth of the recording, if it has more independent coefficients than the sample.
     stride = 8
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
@@ -254,9 +231,8 @@ def _polish(source: CoefficientSource, levels: Sequence[_RootSearch], tuning: Bi
 def _interpolate(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the step to the root of the cubic log σ² of the criterion through two points and slopes, and the error, as
-    the squared distances of both points from the root. If the later criterion is not below a tenth of the earlier, it
-    is a Newton step."""
+    """Return the step to the root of the cubic log σ² through two points and slopes, and the product of squared
+    distances. It is a Newton step if the later criterion is not below a tenth of the earlier."""
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
@@ -271,8 +247,7 @@ def _interpolate(
 
 
 def _settle(source: CoefficientSource, k: int, level: _RootSearch, tuning: Biweight) -> None:
-    """Solve a level that has not converged on its sample by a scan of all coefficients, or take the MAD without a
-    root."""
+    """Solve a level that did not converge on its sample by a scan of all, or take the MAD without a root."""
     criterion = criterion_of(source, k, level.start, tuning)
     root: float | None = None
     if level.rooted:

@@ -1,9 +1,7 @@
 """Exact robust wavelet variance from two passes over a recording.
 
-The sketches of the first pass determine σ² with a relative error of at most 1e-4. The second pass computes the exact
-sums at this σ². Their differences from the sums over the sketches are smooth functions of σ², so a linear correction
-has an error of the order of 1e-8. Levels without a root get the exact median; levels with few coefficients keep all.
-"""
+Sketches of the first pass give σ² to 1e-4. Exact sums there differ smoothly from those of sketches, so a linear
+correction has an error of 1e-8. Levels without a root get the exact median; levels with few coefficients keep all."""
 
 from __future__ import annotations
 
@@ -36,9 +34,8 @@ MOST_CELLS = 1 << 17  # largest number of cells of a level
 
 @dataclass(frozen=True, eq=False)
 class MedianCells:
-    """Counts of |W| in narrow cells around the median, as fine as their maximum number allows; merged in any order. A
-    cell has all numbers with the same leading bits: `shift` low-order bits are omitted. `cells` are the leading bits in
-    ascending order, and `counts` the numbers of |W|."""
+    """Counts of |W| in cells around the median, as fine as their maximum number allows; merged in any order. `cells`
+    are leading bits in ascending order, without `shift` low-order bits."""
 
     shift: int = LEAST_OMITTED_BITS
     cells: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -93,9 +90,8 @@ class MedianCells:
 
 @dataclass(frozen=True, eq=False)
 class LevelSums:
-    """Sums and counts over a set of coefficients of one level. `cubed` and `fourth` are Σ v q³ and Σ v q⁴ (see
-    `Biweight.criterion`) at the limit (cσ)² of the level, `below` and `inside` the counts of |W| below and in the
-    bracket of the median, and `sizes` all |W| of a level with few of them."""
+    """Sums over coefficients of a level: Σ v q³, Σ v q⁴ at (cσ)² (`Biweight.criterion`), counts of |W| `below` and
+    `inside` the median's bracket, and `sizes` (all |W|) if few."""
 
     cubed: float = 0.0
     fourth: float = 0.0
@@ -127,9 +123,8 @@ class SecondPassSums:
 
 @dataclass(frozen=True, eq=False)
 class SumRequest:
-    """Specification of the sums that the second pass collects at each level (J,); it is a `StatisticsCollector`.
-    `limits` has (cσ)² for the sums, or 0 for none. `low` and `high` are the bracket of the median of |W|; `high` is 0
-    without a bracket. `kept` tells whether all |W| of a level are stored."""
+    """Sums of the second pass by level (a `StatisticsCollector`): `limits` (cσ)² or 0, the bracket `low`, `high` (0:
+    none) of the median of |W|, and whether all |W| are `kept`."""
 
     limits: Vector
     low: Vector
@@ -179,8 +174,7 @@ class SumRequest:
         return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
-        """Return the sums of all levels, with `part` at `level` and empty sums at lower levels; `resolution` has no
-        effect."""
+        """Return the sums of all levels, with `part` at `level` and empty lower ones; `resolution` has no effect."""
         return SecondPassSums((*(LevelSums() for _ in range(level - 1)), part))
 
     def empty(self) -> SecondPassSums:
@@ -200,14 +194,12 @@ class SumRequest:
 
 
 DOUBTFUL_CRITERION = 0.01
-"""Threshold for the maximum of the criterion and for its slope at the root, relative to a. Below it, only one of sketch
-and exact coefficients may have a root, so the second pass collects the sums for both cases."""
+"""Smallest maximum and slope of the criterion at which sketch and exact coefficients surely agree on a root."""
 
 
 class SecondPass(SegmentedAccumulator):
-    """Second pass over a recording, which computes the exact robust variance from the sketches of the first pass.
-    `WaveletAccumulator.second_pass` creates it. It must receive the same samples with the same gaps, in chunks of any
-    size. Parts that `part` creates can be processed separately and merged in order."""
+    """Second pass of `WaveletAccumulator.second_pass`: the exact robust variance from sketches. Needs the same samples
+    and gaps, in any chunks; parts of `part` are merged in order."""
 
     def __init__(
         self, first: WaveletAccumulator, request: SumRequest, winsorised: WinsorisedRise, start: int, efficiency: float
@@ -241,14 +233,11 @@ class SecondPass(SegmentedAccumulator):
 
     @one_at_a_time
     def result(self, confidence: float = 0.95) -> WaveletVariance:
-        """Compute the robust wavelet variance of the whole recording, with limits at `confidence`.
+        """Compute the robust wavelet variance of the whole recording.
 
-        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels use every
-        τ/64-th coefficient. Without a root, the variance is (MAD / 0.67449)²; its relative error is 1e-7 if the bin
-        with the median has more than 2^17 coefficients. `diagnostics["robust"]` also contains "moved", the relative
-        change of the variance of each level in the second pass. Raises DataError if the samples differ from those of
-        the first pass in number, gaps or values.
-        """
+        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to 1e-10; higher ones use every τ/64-th
+        coefficient. Without a root: (MAD / 0.67449)², to 1e-7 if the median's bin has over 2^17 coefficients.
+        `diagnostics["robust"]` adds "moved", the relative change in this pass. Other samples raise DataError."""
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:
             raise DataError(

@@ -46,8 +46,7 @@ class StatisticsCollector(Protocol):
         """Return the statistic of an array of coefficients of one level, which can be empty."""
 
     def at(self, level: int, part: Any, resolution: float) -> Statistics:
-        """Return the statistics of all levels, with `part` at `level`; |W| up to `resolution` can be rounding
-        errors."""
+        """Return statistics of all levels, with `part` at `level`; |W| ≤ `resolution` can be rounding."""
 
     def empty(self) -> Statistics:
         """Return the statistics of no coefficients."""
@@ -59,13 +58,11 @@ _KEPT = BLOCKS_OF_SCALE - 1
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Blocks of `step` = τ/64 samples in a segment, with the sum of the squared coefficients. `first` and `last` are
-    the indices of the first complete block and of the end; last < first if the segment contains no multiple of the
-    step. `before` and `after` are the sums of the samples outside these blocks (`before` of all if last < first),
-    `heads` and `tails` those in the first and the last 63 blocks. `squares` and `count` are the sum of (sum of 32
-    blocks − sum of the 32 preceding blocks)² and its number of terms, `total` and `moment` are Σ b_k and Σ (k − first)
-    b_k over the sums b_k. `part` are further statistics of the coefficients W, and `resolution` is the largest |W| that
-    can be a rounding error."""
+    """Blocks of `step` = τ/64 samples in a segment with sums b_k and Σ (sum of 32 − of the 32 before)² (`squares`).
+
+    `first` and `last` are the first complete block and the end (last < first if none); `before`, `after` sum samples
+    outside, `heads`, `tails` the 63 blocks at both ends. `total` and `moment` are Σ b_k and Σ (k − first) b_k. `part`
+    are further statistics, and `resolution` the largest |W| of rounding."""
 
     step: int
     first: int
@@ -183,8 +180,7 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     sums: Vector, start: int, stop: int, *, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """Build the blocks of samples for each step, a power of two times the first one, from sums before its multiples and
-    of all samples."""
+    """Build blocks for each step, a power of two times the first, from sums before multiples and of all samples."""
     base, first, total = steps[0], -(-start // steps[0]), float(sums[-1])
     marks = sums[:-1]
     return [
@@ -212,12 +208,10 @@ def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
-    """State of a segment of consecutive samples, from which the values of the first one (`reference`) are subtracted,
-    so that a large offset causes no rounding error. `exact` is the number of levels at which every coefficient is used,
-    `start` the index of the first sample in the recording, and `count` the number of samples. `head` and `tail` are the
-    first and the last 2^exact − 1 samples, `squares` (exact,) the sums of the squared coefficients, `blocks` the block
-    sums for the higher levels (at least one), and `statistics` further statistics of the coefficients of the exact
-    levels."""
+    """State of a segment of samples, minus the first (`reference`), so that large offsets cause no rounding error.
+
+    Of `exact` levels, `squares` sums all W², with the 2^exact − 1 samples `head` and `tail`; `blocks` serve higher
+    levels. `start` is the first index, `count` the number of samples, and `statistics` those of exact coefficients."""
 
     exact: int
     start: int
@@ -390,8 +384,7 @@ def as_count(value: Any, least: int = 0) -> int:
 def _sums_of(
     before: Vector, x: Vector, reference: float, *, start: int, exact: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Vector, Statistics | None]:
-    """Return Σ W² (exact,) of coefficients that end in x, if needed, the sums for blocks, and the statistics. The
-    samples x follow `before`, which is relative to `reference`, and begin at sample `start`."""
+    """Return Σ W² (exact,) of coefficients that end in x, which follows `before`, the block sums and the statistics."""
     step = (2 << exact) // BLOCKS_OF_SCALE
     reach = min(exact, (before.size + x.size).bit_length() - 1) if collector is None or collector.squares else 0
     squares = np.zeros(exact)

@@ -1,9 +1,7 @@
-"""Sketches: histograms of wavelet coefficients |W|, which give a robust variance without stored coefficients.
+"""Sketches: histograms of |W| in any order, which give a robust variance without stored coefficients.
 
-A sketch does not depend on the order or grouping of the coefficients. Each octave has 128 bins, 0.4 to 0.8 % wide, with
-the number and the mean (to 2^-31) of their |W|. The measured relative error of a robust variance at a root is 1e-7 for
-smooth and 3e-5 for quantized data (1e-4 at efficiency 0.3); without a root, typically 1e-3 and at most 8e-3.
-"""
+Each octave has 128 bins of 0.4 to 0.8 %, with number and mean (to 2^-31). Measured relative errors at a root: 1e-7 for
+smooth, 3e-5 for quantized data (1e-4 at efficiency 0.3); without one, typically 1e-3, at most 8e-3."""
 
 from __future__ import annotations
 
@@ -32,12 +30,10 @@ def _nothing() -> Counts:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """Histogram of the |W| of one level: the number and the sum of the |W| in each bin, as integers.
+    """Histogram of |W| of one level as integers, 2 kB per octave (about 60 kB), up to 5·10^11 per bin.
 
-    A sketch needs 2 kB of memory per octave between the smallest and the largest |W|, about 60 kB. A bin can hold up to
-    5·10^11 coefficients. `zeros` and `beyond` are the numbers of zero values (below 2^-1029) and of infinite values.
-    Octave e, from `first` on, contains 2^(e − 1023) ≤ |W| < 2^(e − 1022). `counts` and `sums` (128 m,) are the number
-    of values in each bin of m octaves, and the sum of (|W| − lower edge) / bin width in units of 2^-24.
+    Octave e, from `first` on, has 2^(e − 1023) ≤ |W| < 2^(e − 1022). `counts` and `sums` (128 m,) are numbers, and Σ
+    (|W| − lower edge) / width in 2^-24. `zeros` (< 2^-1029) and `beyond` (infinite) are counted.
 
     >>> w = np.random.default_rng(1).normal(size=100_000)
     >>> part = Sketch.of(w[:30_000]).merge(Sketch.of(w[30_000:]))
@@ -212,10 +208,7 @@ _BELOW_BIN = 52 - BINS_OF_OCTAVE.bit_length() + 1
 
 
 class SketchCoefficients:
-    """Source of coefficients for `robust_variances` that knows only one sketch per level.
-
-    The coefficients of a bin are represented by two points on both sides of their mean, which have the variance of a
-    uniform distribution over the bin. If the neighbouring bins are nearly empty, they are treated as equal.
+    """Source for `robust_variances` with one sketch per level: two points per bin, of uniform variance (one if alone).
 
     >>> from gmwm.measuring.variance.robust import robust_variance, robust_variances
     >>> w = np.random.default_rng(1).normal(size=100_000)
@@ -272,9 +265,8 @@ class SketchCoefficients:
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """Nonempty bins of a sketch in ascending order, including zero and infinity. `mean` ± `half` is the interval in
-    which the values are assumed to lie, and `ends` the number of values in a bin and below. `squares` are the W² of the
-    points that represent the finite nonzero values, and `weights` their numbers."""
+    """Nonempty bins in ascending order, with zero and infinity: `mean` ± `half`, cumulated numbers `ends`, and
+    `squares` W² of representing points with `weights`."""
 
     mean: Vector
     half: Vector
@@ -294,8 +286,7 @@ class _Bins:
         padded = np.concatenate([[0], sketch.counts, [0]])
         alone = counts > 8 * (padded[used] + padded[used + 2])
         half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
-        # A third of the largest variance that is possible for this mean. It is exact for a uniform distribution over
-        # the bin.
+        # A third of the largest possible variance for this mean, exact for a uniform distribution.
         variance = place * (1.0 - place) / 3.0 * (number - 1.0) / number
         deviation = np.where(alone, 0.0, width * np.sqrt(variance))
         with np.errstate(over="ignore", under="ignore"):

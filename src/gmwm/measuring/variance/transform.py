@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Vector, as_vector
+from gmwm.base.arrays import FrozenArrays, Integers, Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
@@ -253,9 +253,6 @@ def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
     return filter.scaling / np.sqrt(2.0), filter.wavelet / np.sqrt(2.0)
 
 
-# --- the decimated pyramid ----------------------------------------------------------------------------
-
-
 def _decimate(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
     """Compute the next level, Σ_l f_l V_{2n+1−l} with f = g and h, and indices modulo the even length."""
     half = values.size // 2
@@ -282,8 +279,6 @@ def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
     return np.roll(values[first::2], (l - 1 + first) // 2)
 
 
-# --- coefficients of which a wavelet variance is the mean square --------------------------------------
-
 Transform = Literal["modwt", "dwt"]  # kind of transform: maximal-overlap ("modwt") or decimated ("dwt")
 
 
@@ -293,10 +288,9 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 
 
 def coefficient_counts(
-    samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
-) -> NDArray[np.int64]:
-    """Return the numbers M_j = N − L_j + 1 of inner coefficients, or every 2^j-th if decimated; ≤ 0 if there are
-    none."""
+    samples: int | Integers, levels: Integers, filter: WaveletFilter, transform: Transform
+) -> Integers:
+    """Return M_j = N − L_j + 1, the inner coefficients, or every 2^j-th if decimated; ≤ 0 if none."""
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
     first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
@@ -304,10 +298,9 @@ def coefficient_counts(
 
 
 def pooled_counts(
-    lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return M_j = Σ_s M_sj of several segments, and the edf η_j = M_j² / Σ_s (M_sj² / η_sj) with η_sj ≥ 1, which
-    exceed M_j / 2^j if many segments have few coefficients."""
+    lengths: Sequence[int], levels: Integers, filter: WaveletFilter, transform: Transform
+) -> tuple[Integers, Vector]:
+    """Return M_j = Σ_s M_sj and the edf M_j² / Σ_s (M_sj² / η_sj), η_sj ≥ 1, above M_j / 2^j for many short ones."""
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     segment_counts = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
     counts = np.asarray(times @ segment_counts, dtype=np.int64)
@@ -326,17 +319,13 @@ def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> 
     return level
 
 
-def degrees_of_freedom(
-    counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
-) -> NDArray[np.float64]:
-    """Compute the edf η_j = max(M_j / 2^j, 1), or M_j for the decimated transform (Percival 1995); the level −l of a
-    lag counts as level 1."""
+def degrees_of_freedom(counts: Integers, levels: Integers, transform: Transform) -> Vector:
+    """Compute the edf max(M_j / 2^j, 1), or M_j if decimated (Percival 1995); the level −l of a lag counts as 1."""
     return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, np.maximum(levels, 1))), 1.0)
 
 
 def loss_factor(filled: int, samples: int) -> float:
-    """Return the factor 1 + 2.5 p of the covariance for a share p of filled samples, which add scatter but no
-    information."""
+    """Return the factor 1 + 2.5 p of the covariance for a share p of filled samples: scatter, no information."""
     return 1.0 + 2.5 * filled / samples
 
 

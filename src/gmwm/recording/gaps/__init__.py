@@ -1,5 +1,4 @@
-"""Fill the gaps of a recording with draws from the conditional distribution of lost samples given the samples around
-them."""
+"""Fill gaps with draws from the conditional distribution of lost samples given the samples around them."""
 
 from gmwm.recording.gaps.blocks import fill_gaps, filled
 from gmwm.recording.gaps.drawing import drawn

@@ -1,9 +1,7 @@
 """Fill the gaps of a recording block by block.
 
-A block has `BLOCK_SAMPLES` known samples, counted from the first one of the recording. Its gaps are filled from its own
-samples and from `CONTEXT` samples on each side of it. The seed of its random numbers is the number of the block. The
-result therefore does not depend on the parts in which a recording arrives.
-"""
+Gaps of `BLOCK_SAMPLES` known samples are filled from these and `CONTEXT` on each side, with the block's number as seed,
+so the parts in which a recording arrives have no effect."""
 
 from __future__ import annotations
 
@@ -25,20 +23,17 @@ from gmwm.recording.signals import Signal
 
 
 def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
-    """Fill the short gaps of synchronous signals; see `Signal.fill_gaps`. At a gap at which the sensor of one signal
-    restarted, all signals are split, so that they stay synchronous."""
+    """Fill short gaps (`Signal.fill_gaps`); where one sensor restarted, all signals are split to stay synchronous."""
     return dict(join_batches(list(filled([Batch(signals)], together=True))).signals)
 
 
 def filled(
     batches: Iterable[Batch], threads: int | None = None, *, block: int = 0, context: int = 0, together: bool = False
 ) -> Iterator[Batch]:
-    """Fill the short gaps of a recording; see `Signal.fill_gaps`. The axes of a batch are filled in threads. An axis is
-    split at gaps at which its sensor restarted; with `together`, all axes are split there.
+    """Fill the short gaps of a recording (`Signal.fill_gaps`), its axes in threads.
 
-    Samples without short gaps are yielded at once. Other samples are held back until their block and the context after
-    it are complete. The sizes of blocks and contexts are `BLOCK_SAMPLES` and `CONTEXT`, unless smaller ones are given.
-    """
+    Axes are split where their sensor restarted, with `together` all of them. Samples without short gaps are yielded at
+    once, others when their block and context are complete."""
     block, context = block or gaps.BLOCK_SAMPLES, context or gaps.CONTEXT
     window = _Window(block, context, together)
     passed = 0  # number of samples that were yielded
@@ -152,13 +147,10 @@ def _joined(window: Sequence[Batch], axis: str) -> Signal:
 
 
 class Filling:
-    """Plan for filling the gaps of an axis in a block, which is given with its context. A gap belongs to the block of
-    the sample after it.
+    """Plan for filling an axis's gaps in a block with its context; a gap belongs to the block of the sample after it.
 
-    `lost` (m,) is the number of samples to fill in before each segment but the first, 0 for gaps that are kept. `first`
-    and `last` are the half-open range of the known samples of the block, or of the last part of them, and `seed` is its
-    number. `continues` tells whether the gap before the first sample is filled, or there is none.
-    """
+    `lost` (m,) samples are filled in before each segment but the first (0: kept). `first` and `last` are the range of
+    the block's known samples, `seed` is its number, and `continues`: no gap is left before the first one."""
 
     def __init__(self, signal: Signal, lost: NDArray[np.int64], *, first: int, last: int, seed: int) -> None:
         self._signal, self._seed = signal, seed

@@ -1,23 +1,12 @@
 """Draw lost samples from their conditional distribution given the others, without a model of the noise.
 
-A lost sample is the sum of three parts. The level is the mean of w samples on each side. The deviation of the sample
-from the level is predicted linearly from the deviations of 32 neighbours on each side. The third part is a residual.
-gmwm uses the width w with the smallest prediction error. The prediction follows from the autocovariance about the
-level. The residual is a residual of the same prediction at a random place where the samples are known, with a random
-sign. In a gap of more than 64 samples the level is a straight line between both sides, and only the ends are predicted
-from neighbours.
+A sample is a level (mean of w samples on each side), a linear prediction of its deviation from 32 neighbours on each
+side, by the autocovariance about the level, and a residual: that of a random known place, with random sign. w has the
+smallest prediction error. Beyond 64 samples the level is a straight line, and only ends are predicted.
 
-If the prediction is the best linear one, the signal with the drawn samples has the second moments of the signal without
-losses. Its wavelet variance is then unbiased at every level, and has the covariance of a signal without losses. If the
-gaps were filled with a mean, the variance would be too small at short scales; with an interpolation, it would be too
-large at long scales.
-
-References
-----------
-Journel, A. G. (1974), Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687.
-
-The tests in tests/filling measure the method.
-"""
+With the best linear prediction, second moments are those without losses, so the wavelet variance is unbiased; a mean
+would make it too small at short scales, an interpolation too large at long ones (tests/filling). Journel, A. G. (1974),
+Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687."""
 
 from __future__ import annotations
 
@@ -39,31 +28,20 @@ PREDICTING_NEIGHBOURS = 32
 LONGEST_PREDICTED_SAMPLES = 64  # longest gap (samples) that is predicted from neighbours
 WIDEST_MEAN_SAMPLES = 1 << 16  # largest width w of the means on both sides of a gap (samples)
 _RIDGE = 1e-3
-"""White noise that is added to the autocovariance, relative to the variance. It limits the weights of neighbours, which
-may be lost themselves, where a signal is smooth."""
+"""Relative white noise in the autocovariance; it limits weights of neighbours, maybe lost, of smooth signals."""
 _TRAINING, _WINDOWS = 1 << 14, 1 << 12
 """Numbers of positions in the signal from which the width, and the autocovariance, are estimated."""
 _CLEAN = 8  # number of samples that must also be known on each side of the position from which a residual is taken
 _TRIALS = 64  # largest number of trials to find such a position
 _SWEEPS, _GROUPS = 3, 4
-"""Number of draws of each sample, because lost neighbours depend on each other, and number of groups of gaps that are
-drawn in turn."""
+"""Draws of each sample, as lost neighbours depend on each other, and groups of gaps that are drawn in turn."""
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:
-    """Replace the samples (N,) that are not `present` by draws from their conditional distribution given the others.
+    """Replace samples (N,) that are not `present` by draws from their conditional distribution given the others.
 
-    Signals with the same losses and seed get residuals from the same positions, so that the covariance of two axes is
-    kept. `cuts` are the indices of samples at which a new range of the signal begins. No gap extends from one range to
-    the next.
-
-    >>> x = np.random.default_rng(1).normal(size=10_000)
-    >>> present = np.ones(x.size, dtype=bool)
-    >>> present[::10] = False
-    >>> filled = drawn(x, present)
-    >>> bool(np.all(filled[present] == x[present])), f"{filled[~present].std():.1f}"
-    (True, '1.0')
-    """
+    With equal losses and seed, residuals are from the same positions, which keeps the covariance of two axes. No gap
+    extends over `cuts`, the first samples of ranges."""
     ranges = list(pairwise([0, *cuts, values.size]))
     if not all(np.any(present[first:last]) for first, last in ranges):
         raise ValueError("no sample is present")
@@ -126,8 +104,7 @@ class _Known:
         return self.path.size - 1
 
     def sides(self, first: Places, last: Places, width: int) -> tuple[Vector, Vector]:
-        """Return the means of the nearest `width` known samples before `first` and of those from `last` on. If one side
-        has no samples, both values are the mean of the other side."""
+        """Return means of the nearest `width` known samples before `first` and from `last` on, or the other side's."""
         i = self.before[np.clip(first, 0, self.values.size)]
         k = self.before[np.clip(last, 0, self.values.size)]
         before, right = np.minimum(width, i), np.minimum(width, len(self) - k)
@@ -175,12 +152,8 @@ def _widths(least: int, most: int, ratio: int) -> list[int]:
 def _autocovariance(
     known: _Known, width: int, size: int, *, ranges: Sequence[Range], rng: np.random.Generator
 ) -> Matrix:
-    """Return the covariance (size, size) of consecutive samples about the level computed from both sides.
-
-    The covariance at a lag is the variance minus half of the mean squared difference at this lag. In a signal that
-    drifts, this difference is far smaller than the variance, and averages of products over different pairs would not be
-    accurate enough.
-    """
+    """Return the covariance (size, size) of consecutive samples about the level of both sides: the variance minus half
+    the mean squared difference, which is far smaller in a drift, so that averaged products would be inaccurate."""
     places = _inside(rng.integers(0, known.values.size - size + 1, _WINDOWS), size, ranges)
     present = np.lib.stride_tricks.sliding_window_view(known.present, size)[places].astype(np.float64)
     level = known.level(places, places + size, width)[:, None]
@@ -233,8 +206,7 @@ def _neighbours(known: int) -> int:
 
 
 class _Draw(NamedTuple):
-    """Gaps of the same length that are filled together. The random part of the values in a gap is the residual at a
-    position without lost samples, the donor of the gap."""
+    """Gaps of one length that are filled together; a gap's donor is the position that lends its residual."""
 
     first: Places
     donor: Places
@@ -258,8 +230,7 @@ def _draw_short(
     x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction, rng: np.random.Generator,
     levels: Vector | None = None,
 ) -> None:  # fmt: skip
-    """Draw the samples of short gaps in place. Their levels are computed from the known samples unless they are
-    given."""
+    """Draw the samples of short gaps in place; levels are computed from known samples unless given."""
     near, width = prediction.near, prediction.width
     weights: dict[int, Matrix] = {}
     draws: dict[int, _Draw] = {}

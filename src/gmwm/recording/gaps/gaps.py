@@ -1,9 +1,7 @@
-"""Decide which gaps of a recording are filled.
+"""Decide which gaps are filled: not those after which a restarted sensor has another offset, which would look like a
+random walk.
 
-A gap after which a sensor has another offset, because it restarted, is not filled, because the jump would look like a
-random walk. The test compares the difference of the means of w samples before and after the gap with the same
-difference at other places, so that drift is not mistaken for a restart.
-"""
+Differences of means of w samples are compared with those at other places, so that drift is no restart."""
 
 from __future__ import annotations
 
@@ -18,19 +16,16 @@ from gmwm.base.time_base import lost_before
 from gmwm.recording.gaps.drawing import LONGEST_PREDICTED_SAMPLES
 
 AROUND, LEAST_AROUND = 32, 1024
-"""The neighbourhood of a gap of g samples has max(32 g, 1024) samples on each side, but at most `CONTEXT`, and fewer at
-an end of the recording. All constants here are measured in tests/filling."""
+"""Neighbours of a gap of g samples on each side: max(32 g, 1024), up to `CONTEXT` (tests/filling, also below)."""
 LEAST_NEIGHBOUR_SHARE = 0.75  # smallest share of the neighbourhood that must be known for a gap to be filled
 BESIDE, BESIDE_LONG = 2, 16
-"""Smallest number of known samples on each side of a gap, as a multiple of its length. The first value is for gaps that
-are predicted from neighbours, the second for longer gaps, after which a sensor may have another offset. Both also apply
-near the ends of the recording."""
+"""Least known samples on each side over the gap's length, for gaps predicted from neighbours, and for longer ones,
+after which an offset may differ; also near the recording's ends."""
 LONGEST_FILLED_SAMPLES = 1 << 13  # longest gap that is filled (samples)
 CONTEXT = BESIDE_LONG * LONGEST_FILLED_SAMPLES
 """Number of samples on each side of a block that determine which gaps are filled, and from which they are filled."""
 BLOCK_SAMPLES = 1 << 20
-"""Number of samples whose gaps are filled together. Blocks bound the memory, and the prediction follows a sensor that
-changes."""
+"""Samples whose gaps are filled together: this bounds the memory, and predictions follow a changing sensor."""
 
 Ranges = NDArray[np.int64]
 
@@ -69,11 +64,7 @@ def joined_ranges(
 
 
 def fillable(lengths: NDArray[np.int64], lost: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return a mask of the gaps that are filled, from the lengths of the segments and the number of samples lost
-    between them.
-
-    Long gaps are decided first, and their samples are treated as known for shorter gaps near them.
-    """
+    """Return which gaps are filled, from segments' lengths and lost samples; long ones first, then known."""
     accepted = np.zeros(lost.size, dtype=np.bool_)
     missing = np.maximum(lost, 0)
     # On a timeline with the lost samples: the end of the known samples before each gap, and the beginning after it.
@@ -105,22 +96,19 @@ LEAST, SHARE = 16, 16
 enough. All constants here are measured in tests/filling/test_restarts.py."""
 LEAST_JUMP = 6.0  # smallest size of a jump at a gap, in standard deviations of the usual differences
 _NEARER = 12.0
-"""A jump is assigned to another place than the gap if its log likelihood there is larger by half this value. In white
-noise, 0.5 % of the jumps at a gap are assigned wrongly."""
+"""Twice the log likelihood by which another place takes a jump; wrong for 0.5 % of those at gaps in white noise."""
 _SLOPE = 0.5
-"""Smallest share of a jump that must remain after the slopes on both sides are subtracted. Nothing remains of a
-ramp."""
+"""Smallest share of a jump that remains without the slopes of both sides; nothing remains of a ramp."""
 _PLACES = 1 << 13  # number of places from which the usual difference is estimated
 
 Places = NDArray[np.int64]
 
 
 def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) -> NDArray[np.bool_]:
-    """Return a mask (m,) of the gaps after which the sensor has another offset, from the known samples, the first
-    sample after each gap, the number of samples lost in it, and the indices at which a new range of the signal begins.
+    """Return the gaps (m,) after which the sensor has another offset, from known samples, places after gaps, `lost`
+    counts and `cuts` of ranges.
 
-    The signal is cut at the largest jump before the next one is searched, so that one restart is not counted at every
-    gap near it.
+    The signal is cut at the largest jump before the next search, so that a restart counts once.
 
     >>> x = np.random.default_rng(1).normal(size=20_000)
     >>> x[10_000:] += 2
@@ -168,8 +156,7 @@ def _edges(places: Places, edges: Sequence[int]) -> tuple[Places, Places]:
 
 
 class _Differences:
-    """Differences between the means of w samples before and after places of a signal, and their usual size, for all
-    `widths` w."""
+    """Differences of means of w samples before and after places, and their usual size, for all `widths` w."""
 
     def __init__(self, values: Vector, longest: int) -> None:
         most = min(values.size // SHARE, CONTEXT // 2)
@@ -180,8 +167,7 @@ class _Differences:
         self._usual: dict[tuple[int, int], tuple[float, float]] = {}
 
     def at(self, places: Places, width: int, lost: int = 0) -> Vector:
-        """Return for each place the mean of the `width` samples that begin `lost` samples after it, minus the mean of
-        the `width` samples before it."""
+        """Return the mean of `width` samples from `lost` after each place on, minus that of the `width` before it."""
         path, behind = self._path, places + lost
         return np.asarray((path[behind + width] - path[behind] - path[places] + path[places - width]) / width)
 
@@ -200,8 +186,7 @@ class _Differences:
         return self._usual[width, octave]
 
     def ratios(self, places: Places, octaves: Places, room: Places) -> tuple[Vector, Places]:
-        """Return the absolute difference at each place in standard deviations, and its width. Of the widths up to
-        `room`, the one with the smallest standard deviation is used."""
+        """Return absolute differences in standard deviations, and the width up to `room` with the smallest one."""
         ratio, chosen = np.zeros(places.size), np.zeros(places.size, dtype=np.int64)
         spread = np.full(places.size, np.inf)
         for octave in np.unique(octaves).tolist():
@@ -213,8 +198,7 @@ class _Differences:
         return ratio, chosen
 
     def gains(self, near: Places, place: int, *, octave: int, width: int) -> Vector:
-        """Return twice the log likelihood of the jump at `place` if it were at each of the places `near`, minus the
-        value at the first of them."""
+        """Return twice the log likelihood of the jump at `place` if it were at `near`, minus the first of them."""
         size = float(self.at(np.array([place]), width)[0])
         middle = 0.5 * float(self._path[place + width] - self._path[place - width]) / width
         # Samples from a place to a later one have the mean before the jump: it grows by 2 size (middle − x) / σ².

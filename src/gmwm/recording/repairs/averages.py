@@ -26,24 +26,21 @@ _EMPTY = 1e-4
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
 _PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
 _OF_RATE = 3.0
-"""Twice this frequency after averaging, in units of the rate. The filter is then hardly visible, and its memory is
-shorter than the horizon of N."""
+"""Twice this frequency over the rate after averaging: the filter hardly shows, its memory is below N's horizon."""
 _SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
 """Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
 between, because a random walk has 36; and number of samples that are averaged to look there."""
 _FALLS_ABOVE_ROUNDING = 4.0
 """The same ratio if the fast density is that of rounding. The steepness is then examined after averaging."""
 _BLOCKS, _ROUNDING, _FAR, _STEEP = 3, 2.0, 8.0, 0.008
-"""Smallest number of periodograms; largest fast density, relative to that of rounding, of a noise whose fast part is
-below the rounding; multiple of the band at which its density is compared with that at the end of the band; largest
-ratio. A random walk has 0.016, two poles with a step of one standard deviation 0.007
+"""Least periodograms; fast density over that of rounding below it; multiple of the band for a comparison with its end;
+and largest ratio: a walk has 0.016, two poles with a step of one standard deviation 0.007
 (tests/recording/test_averages.py)."""
 _FEWEST = 256  # smallest number of means
 
 
 class SteepFilter(NamedTuple):
-    """A filter far below the rate: the number of samples to average (1 without one), and the memory of the filter in
-    samples, which is the mean lag |τ| with its autocovariance as weight."""
+    """A filter far below the rate: samples to average (1: none), and its memory, the mean |τ| by autocovariance."""
 
     length: int = 1
     memory: float = 0.0
@@ -60,11 +57,8 @@ def steep_filters(batch: Batch) -> dict[str, SteepFilter]:
 
 
 def averaged(recording: Imu | Streamed, length: int, memories: Mapping[str, float]) -> Imu | Streamed:
-    """Return the means of `length` consecutive samples. Samples before a gap that are too few for a mean are left out.
-
-    The memory m of the filter correlates neighbouring means: their density is 1 − d + d cos ω, d = m / length, relative
-    to white noise. A recursion of first order with the inverse density restores white noise.
-    """
+    """Return means of `length` samples, without incomplete ones before a gap. A filter's memory m correlates means,
+    density 1 − d + d cos ω, d = m / length; a first-order recursion undoes it."""
     if not isinstance(recording, Imu):
         return _AveragedStream(recording, length, memories)
     first = recording.signals[recording.axes[0]]
@@ -228,8 +222,7 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     passes = float(passing[-1] + 1) * 8 / _LENGTH
     if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
         return SteepFilter()
-    # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df. S is a parabola in the lower half of the band, and zero above half the
-    # rate.
+    # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df, with S a parabola in half the band and 0 above half the rate.
     low = (frequency > passes / 8) & (frequency < passes / 2)
     curve, level = np.polyfit(frequency[low] ** 2, density[low], 1)
     high = frequency >= passes / 2

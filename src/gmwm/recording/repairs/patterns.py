@@ -1,6 +1,5 @@
-"""Recognise patterns in the values of an axis: words that overflowed, which are undone; a log that a program resampled
-by straight lines; and noise that switches between two levels (popcorn noise, random telegraph noise).
-"""
+"""Recognise patterns in values: words that overflowed, which are undone; resampling by straight lines; and noise that
+switches between two levels (popcorn noise, random telegraph noise)."""
 
 from __future__ import annotations
 
@@ -20,21 +19,15 @@ _BITS = range(8, 33)  # lengths of words (bits)
 _REACH = 0.025  # largest distance of a value from the end of the word, as a share of the range of the word
 _UNLIKELY = 1e-6  # largest probability that values at random distances all look like wrapped ones
 _GAP = 10.0
-"""Largest distance between the values on both sides of the end, in expected distances. It is exponentially distributed
-if the output is continuous, and exceeds this value with a probability of 5e-5."""
+"""Distance of values around the end over the expected one, exponential if continuous: exceeded with p = 5e-5."""
 _CONTINUOUS = 8.0
-"""Largest median change of the output where it wraps, in median changes of neighbours
-(tests/recording/test_repairs.py)."""
+"""Largest median change at a wrap over that of neighbours (tests/recording/test_repairs.py)."""
 
 
 def modulus_of(values: Vector) -> tuple[float, float] | None:
-    """Return the range 2^b of the word from which some values of an axis wrapped around, in the unit of the axis, and
-    the median of the values on the more frequent side; None if none did.
-
-    The values of a word that wraps are at both of its ends, with nothing between them. Moved by 2^b steps, those of the
-    rarer side continue the others without a gap and without overlap. Wrong samples do not: they leave a gap, or
-    overlap if a bit of the word flipped.
-    """
+    """Return the range 2^b (unit of the axis) of a word that wrapped, and the median of the more frequent side, or
+    None. Values are at both ends of the word, and moved by 2^b they continue without gap or overlap, unlike wrong
+    samples."""
     lowest, highest = float(np.min(values)), float(np.max(values))
     reach = 2 * _REACH * (highest - lowest)
     if np.any((values[:_FEWEST] > lowest + reach) & (values[:_FEWEST] < highest - reach)):
@@ -74,8 +67,7 @@ def unwrapped(values: Vector, modulus: float, middle: float) -> Vector:
 
 _MOST, _FEWEST = 1 << 17, 4096  # largest and smallest number of samples that are used
 _LINE, _PEAKS = 30.0, 4
-"""Height of a line in the periodogram of the squares, relative to its mean nearby, which noise exceeds in fewer than
-1 of 10⁸ periodograms; and number of lines that are examined."""
+"""Height of a line in the squares' periodogram over its surroundings, in < 1 of 10⁸ of noise; and examined lines."""
 _BLOCK, _PHASES, _EXACT = 256, 32, 0.05
 """Length of the blocks to which straight lines are fitted, number of phases, and largest variance of the residual at
 the best phase, relative to that at the median phase and to the noise (tests/recording/test_resampled.py)."""
@@ -83,15 +75,8 @@ _RATES = (0.05, 0.95)  # smallest and largest relative rate that is recognised
 
 
 def slower_rate(values: Vector) -> float:
-    """Return the rate of the slower log relative to the rate of this one; 0 if the values were not resampled.
-
-    Straight lines between samples at the rate q < 1 make the variance of second differences periodic, with the
-    frequency q. If so, straight lines with this rate and one phase describe the values without a residual.
-
-    >>> x = np.random.default_rng(0).normal(size=10_000)
-    >>> round(slower_rate(np.interp(np.arange(16_000) * 0.625, np.arange(10_000), x)), 4), slower_rate(x)
-    (0.625, 0.0)
-    """
+    """Return the slower log's rate relative to this one; 0 if not resampled. Straight lines make the variance of second
+    differences periodic with q < 1, and describe values without residual."""
     x = values[:_MOST]
     if x.size < _FEWEST:
         return 0.0
@@ -136,8 +121,7 @@ def _residual(block: Vector, share: float, phase: float) -> float:
 _LENGTHS = (16, 64, 256, 1024)  # numbers of samples whose means are sorted into two levels
 _TOGETHER = 128  # number of means from which a slow drift is subtracted together
 _APART = 5.0
-"""Smallest distance of the two levels, in standard deviations of the means at one level. It is 2.7 for Gaussian noise
-(tests/recording/test_repairs.py, as the next constants)."""
+"""Least distance of two levels over the spread at one; Gaussian noise has 2.7 (tests/recording/test_repairs.py)."""
 _SHARE = 0.005  # smallest share of the time at the rarer level
 _BETWEEN = 0.5  # largest number of means in the middle third between the levels, relative to those at the rarer level
 _CHANGES = 16  # smallest number of changes of the level
@@ -147,8 +131,7 @@ _LASTS = 1.5  # smallest mean duration of the rarer level, in means. A shorter o
 
 
 class TwoLevels(NamedTuple):
-    """Two levels of an axis: their distance in the unit of the axis, the share of the time at the rarer one, and the
-    mean time (samples) that it lasts."""
+    """Two levels of an axis: their distance, the share of time at the rarer one, and its mean duration (samples)."""
 
     size: float
     share: float
@@ -172,8 +155,7 @@ def two_levels_of(values: Vector) -> TwoLevels | None:
 
 
 def _split(x: Vector) -> float | None:
-    """Return the value between two classes with the smallest variance within the classes (Otsu 1979); None if their
-    means are not far apart."""
+    """Return the value between two classes of smallest inner variance (Otsu 1979); None if their means are near."""
     ordered = np.sort(x)
     n, k = x.size, np.arange(1, x.size)
     sums = np.cumsum(ordered - ordered[n // 2])
@@ -207,9 +189,8 @@ def _levels(x: Vector, split: float, length: int) -> TwoLevels | None:
 
 
 def _are_pulses(x: Vector, rare: Mask) -> bool:
-    """Return whether the rarer means are pulses, not a level: they have both signs, their sizes differ, or their
-    distances are too regular. The distances of random pulses have an exponential distribution, whose coefficient of
-    variation is 1 (tests/outliers/test_pulses.py)."""
+    """Return whether rarer means are pulses: both signs, different sizes, or too regular; distances of random pulses
+    are exponential, with coefficient of variation 1 (tests/outliers/test_pulses.py)."""
     if np.mean(rare) > 0.1:
         return False
     common = float(np.median(x[~rare]))

@@ -31,15 +31,13 @@ _FROZEN, _FROZEN_TIMES = 32, 6
 """Smallest number of equal samples in a row at which the output froze: also as a multiple of the length that one run of
 a thousand exceeds (tests/recording/test_repairs.py)."""
 _COARSE = 0.4
-"""Largest share of values that return after one other value, for an output whose equal samples are tested for a frozen
-sensor. A coarser output stays at one value whenever the mean is in the middle of a step."""
+"""Share of values that return after another; above, a coarse output stays at a value, so it is not tested."""
 _MOST_FROZEN = 0.1
 """Largest share of frozen samples that are treated as gaps. A longer standstill is a fault of the sensor."""
 _MOST_DEAD = 0.5  # largest share of the recording that is left out at its beginning
 _UNLIKELY = 1e-3  # largest expected number of straight runs by chance
 _OF_STEP, _ON_GRID = 1 << 15, 0.01
-"""Number of samples from which the quantization step is taken; and median distance of the slopes of straight runs from
-whole steps, below which the runs are those of a slow rounded signal."""
+"""Samples for the quantization step, and distance of slopes from whole steps of a slow rounded signal's runs."""
 _MOST_STRAIGHT = 0.3  # largest share of interpolated samples that are treated as gaps. Above it, the log was resampled
 
 
@@ -117,8 +115,7 @@ class RepairPlan:
 
 
 def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
-    """Return a plan for each group of axes that one clock can describe. A fault of some axes leaves the samples of the
-    other axes as they are. `duplicates` is the share of time stamps that equal the one before."""
+    """Return plans for axes of one clock, so that faults leave the others; `duplicates`: share of equal stamps."""
     signals = batch.signals
     begins = np.array([first for first, _ in next(iter(signals.values())).segments])
     same = {axis: repeats([signal.values], begins) for axis, signal in signals.items()}
@@ -209,8 +206,7 @@ def _frozen_length(values: Vector, same: Mask) -> int:
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:
-    """Return the smallest number of samples in a row on a straight line that chance does not explain; 0 without such a
-    row, or if most of the log is interpolated."""
+    """Return the least straight run of samples beyond chance; 0 without one, or if most of the log is interpolated."""
     line = straight(values, begins)
     if line.size < 3:
         return 0

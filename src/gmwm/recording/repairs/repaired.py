@@ -21,11 +21,8 @@ from gmwm.recording.time_ranges import cut_base
 
 
 def repaired(recording: Imu | Streamed) -> tuple[Imu | Streamed, ...]:
-    """Return a recording without the faults of the logger that can be undone.
-
-    The recording is divided if its sensors have different rates of their own. The first batch decides what is repaired.
-    Remarks of the results say what was changed. A recording without faults is returned unchanged.
-    """
+    """Return a recording without the logger's faults that can be undone, as the first batch decides. It is divided if
+    sensors have different rates. Remarks of the results say what was changed."""
     batch = next(batches(recording))
     rows = len(recording) if isinstance(recording, Imu) else recording.rows
     base = recording.time_base
@@ -74,8 +71,7 @@ class Repair:
         self._begins = list[int]()  # segments that began after it
 
     def apply(self, samples: Iterable[Samples], reach: int) -> Iterator[Samples]:
-        """Yield the samples that are kept. Up to `reach` samples on each side decide about a sample; 0 if all samples
-        of the recording arrive together."""
+        """Yield the kept samples; `reach` samples on each side decide about one, 0 if all arrive together."""
         window, passed = None, 0
         for chunk in samples:
             window = chunk if window is None else _joined(window, chunk)
@@ -119,8 +115,7 @@ class Repair:
         return freeze(np.ascontiguousarray(changed))
 
     def _divided(self, numbers: Indices, window: Samples) -> list[tuple[int, float]]:
-        """Divide the samples with these numbers into runs without a gap. Return the new number and the time of the
-        first sample of each run; the first run may have begun before."""
+        """Divide samples with these numbers into runs without a gap; return their new numbers and first times."""
         every = self.plan.every
         begins = np.array(sorted({*self._begins, *(sample for sample, _ in window.runs)}), dtype=np.int64)
         before = np.append(self._last, numbers[:-1])

@@ -16,8 +16,7 @@ Indices = NDArray[np.int64]
 
 
 def repeats(axes: list[Vector], begins: Indices) -> Mask:
-    """Return whether each sample equals the sample before it on all axes, in the same segment. `begins` are the first
-    samples of the segments."""
+    """Return whether samples equal the one before on all axes in the segment; `begins` are first samples."""
     same = np.zeros(axes[0].size, dtype=np.bool_)
     same[1:] = axes[0][1:] == axes[0][:-1]
     for values in axes[1:]:
@@ -38,8 +37,7 @@ def offsets(same: Mask) -> Indices:
 
 
 def in_long_runs(same: Mask, least: int) -> Mask:
-    """Return the samples that continue a run of at least `least` samples. The first sample of a run is not among
-    them."""
+    """Return the samples that continue a run of at least `least`, without its first one."""
     inside = np.zeros(same.size, dtype=np.bool_)
     runs = runs_of(same)
     for first, last in runs[runs[:, 1] - runs[:, 0] + 1 >= least]:
@@ -72,24 +70,20 @@ class RepeatLimits:
     """Smallest share of repeated samples that matters. A share s changes N by s/2 (tests/recording/test_repairs.py)."""
     least_changes: int = 100  # smallest number of changes of the output from which repetition is recognised
     multiple_share: float = 0.98
-    """Smallest share of runs whose length is a multiple of k, for values that are repeated k times. By chance it is 1/2
-    at most."""
+    """Smallest share of runs of a multiple of k, for values repeated k times; by chance at most 1/2."""
     most_repeats: int = 100  # largest number of repetitions that is recognised
     chance_share: float = 0.1
     """Largest share of the repeated samples that chance may explain, for a sample to be recognised as repeated."""
     longest_run: int = 4
     """Longest run, in median runs, that belongs to the pattern of the logger. In a longer one, the output froze."""
     pattern_share: float = 0.02
-    """Smallest share of repeats that is called a pattern. With fewer repeats, each of them is taken as a lost sample,
-    which gives the same numbers."""
+    """Smallest share of repeats called a pattern; fewer ones are lost samples, with the same numbers."""
     regular_ratio: float = 0.3
-    """Largest ratio of the variance of the number of repeats in a window to the variance for random repeats, for a log
-    with a regular pattern. Random repeats have a ratio of 1 ± 0.3."""
+    """Variance of repeats in windows over that of random ones, 1 ± 0.3, up to which a log is regular."""
     short_chance: float = 1e-3
     """Largest probability that random repeats look regular, for a short log with a regular pattern."""
     written_twice: float = 0.1
-    """Largest relative difference between the numbers of repeated time stamps and of repeated samples, for rows that
-    were written twice (tests/test_inspection.py)."""
+    """Relative difference of repeated stamps and samples of rows written twice (tests/test_inspection.py)."""
 
 
 LIMITS = RepeatLimits()
@@ -99,10 +93,8 @@ _PER_WINDOW, _WINDOWS = 30, 10  # expected number of repeats in such a window, a
 
 @dataclass(frozen=True)
 class Repeats:
-    """How the values of some axes repeat: the logger is faster than the sensor ("held"), a lost sample repeats the last
-    one ("lost"), or rows were written twice. `every` is the number of samples for each value of the sensor, and `exact`
-    tells whether every value is repeated the same number of times. `by_chance` tells whether neighbouring values of the
-    sensor can be equal, because its output is coarse."""
+    """How values repeat: "held" by a faster logger, "lost" samples, or rows written twice. `every` counts samples per
+    value, `exact` if always the same; `by_chance`: neighbours of a coarse output can be equal."""
 
     kind: Literal["held", "lost", "twice"]
     every: float = 1.0
@@ -111,17 +103,11 @@ class Repeats:
 
 
 def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> Repeats | None:
-    """Return how values repeat on several axes that one device reads together, from their `repeats`; None if they do
-    not. `duplicates` is the share of time stamps that equal the one before.
+    """Return how values repeat on axes of one device, from their `repeats`; None if they do not.
+    `duplicates`: share of repeated stamps.
 
-    The length of a run is the number of equal samples in a row. If almost all lengths are multiples of k, the logger
-    repeats every value k times. If the output is so fine that a value does not return soon, equal neighbours are
-    repeated by the logger: regularly, if it is faster than the sensor, or at random, if samples were lost.
-
-    >>> values = np.repeat(np.random.default_rng(0).normal(size=1000), 4)
-    >>> repeats_of([values], repeats([values], np.array([0]))).every
-    4.0
-    """
+    If nearly all runs of equal samples are multiples of k, the logger repeats values k times. In fine outputs, equal
+    neighbours are repeats: regular for a faster logger, random for lost samples."""
     repeated = fraction(same)
     if repeated < LIMITS.least_share or same.size - np.count_nonzero(same) < LIMITS.least_changes:
         return None
@@ -162,8 +148,7 @@ def _common_multiple(lengths: Indices) -> int:
 
 
 def _is_regular(same: Mask, share: float, lengths: Indices) -> bool:
-    """Return whether the numbers of repeats in windows vary less than those of random repeats with this share. In a
-    short recording, no run may be longer than a regular one, which is rare among random repeats."""
+    """Return whether repeats vary less than random ones; in short recordings, no run may exceed a regular one."""
     window = round(_PER_WINDOW / share)
     count = same.size // window
     if share < LIMITS.pattern_share:

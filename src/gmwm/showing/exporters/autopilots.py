@@ -12,10 +12,7 @@ from gmwm.showing.exporters.text import limit_mark, written
 
 
 class _Floor(TwoNumbers):
-    """Base of formats with lower bounds for the noise parameters p of a filter with the time step Δt.
-
-    In each step, the filter adds (Δt p)² to its variances, so p = N/√Δt or p = K/√Δt.
-    """
+    """Lower bounds for noise parameters p of a filter that adds (Δt p)² per step: p = N/√Δt or p = K/√Δt."""
 
     takes = frozenset({"axes", "inflation", "horizon"})
     step: ClassVar[float]  # time step Δt of the filter (s)
@@ -50,10 +47,7 @@ _ARDUPILOT = ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P
 
 @register
 class Px4(_Floor):
-    """Lower bounds for the noise parameters of PX4.
-
-    Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms.
-    """
+    """Lower bounds for PX4: `EKF/covariance.cpp` and parameters of ekf2; EKF2_PREDICT_US is 10 ms."""
 
     name = "px4"
     title = "PX4 EKF2, lower bounds"
@@ -67,10 +61,7 @@ class Px4(_Floor):
 
 @register
 class ArduPilot(_Floor):
-    """Lower bounds for the noise parameters of ArduPilot.
-
-    Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms.
-    """
+    """Lower bounds for ArduPilot: `AP_NavEKF3_core.cpp` and `.h`; EKF_TARGET_DT is 12 ms."""
 
     name = "ardupilot"
     title = "ArduPilot EKF3, lower bounds"
@@ -90,10 +81,8 @@ _ADVICE = ("Keep your covariances of the integration and of the initial bias: th
 
 
 class _Gtsam(TwoNumbers):
-    """Base class of the formats for GTSAM, which have four 3 × 3 continuous-time covariances.
-
-    Source: `PreintegrationParams.h`, `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM.
-    """
+    """Base class of GTSAM's formats with four 3 × 3 continuous-time covariances. Source: `PreintegrationParams.h`,
+    `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM."""
 
     meaning = _MEANING
     usage = _ADVICE

@@ -1,10 +1,7 @@
-"""Base class of exporters, base class of formats with two noise parameters per sensor, and registry of formats.
+"""Base classes of exporters and of formats with two noise parameters per sensor, and registry (`@register`).
 
-Each format is a subclass of `Exporter` with the decorator `@register`. A file with N and K begins with its
-verdict in at most three lines. The numbers follow, and then at most 15 lines of comment: the recording, units,
-continuous or discrete time, axes, inflation factor, horizon, how well a filter predicts with the numbers, upper limits,
-and what the numbers leave out.
-"""
+A file with N and K begins with its verdict in at most three lines. The numbers follow, and at most 15 lines of comment:
+recording, units, kind of time, axes, inflation, horizon, quality of predictions, upper limits, and omissions."""
 
 from __future__ import annotations
 
@@ -37,16 +34,14 @@ class ExportOptions:
 
     # how the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis
     axes: Rule
-    # Factor by which standard deviations and noise densities are multiplied. Variances are multiplied by its
-    # square.
+    # factor of standard deviations and densities, squared for variances
     inflation: float = 1.0
     horizon: float = (
         DEFAULT_HORIZON_S  # horizon T (s) over which a filter with N and K predicts best; see `effective_noise`
     )
     # sampling rate (Hz) in the program that reads the file; None for the rate of the recording
     rate: float | None = None
-    # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour, or for the length of the
-    # recording if it is shorter
+    # longest averaging time (s) in the fit of a Gauss-Markov bias; None for one hour or a shorter recording
     duration: float | None = None
 
 
@@ -63,12 +58,10 @@ class Exporter(ABC):
 
     @abstractmethod
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Return the text of the file. Raises a DataError if a sensor that it needs was not calibrated, or if the data
-        do not determine an upper limit that it needs."""
+        """Return the text of the file; DataError if a sensor or an upper limit that it needs is missing."""
 
     def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
-        """Return the remarks that the file contains: cautions of the calibration, and noise that the format leaves
-        out."""
+        """Return the file's remarks: cautions of the calibration, and noise that the format leaves out."""
         return tuple(cautions(calibration))
 
 
@@ -273,20 +266,8 @@ def export_all(
     calibration: Calibration, folder: str | os.PathLike[str], *, axes: Rule | None = None, inflation: float = 1.0,
     horizon: float = DEFAULT_HORIZON_S, rate: float | None = None, duration: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:  # fmt: skip
-    """Export a calibration in every format. Each format uses the options that apply to it.
-
-    Parameters
-    ----------
-    calibration, axes, inflation, horizon, rate, duration
-        As for `export`. With `axes="each"`, formats with one number per sensor use their default rule.
-    folder : path
-        An existing folder. Each file is named after its format.
-
-    Returns
-    -------
-    mapping of format to Path, mapping of format to str
-        The written files, and the reason for each format that was not written.
-    """
+    """Export a calibration in every format into an existing folder; return files, or reasons, by format. With
+    `axes="each"`, formats with one number per sensor use their default rule."""
     written: dict[str, Path] = {}
     reasons: dict[str, str] = {}
     for exporter in registered():

@@ -45,10 +45,7 @@ class _YamlKeys(TwoNumbers):
 
 @register
 class Kalibr(_YamlKeys):
-    """File for Kalibr with four continuous-time noise densities, all of which must be positive.
-
-    Source: `ConfigReader.py` of Kalibr, and its pages on the IMU noise model and on YAML formats.
-    """
+    """Kalibr's four continuous-time noise densities, all positive (`ConfigReader.py`; pages on IMU noise and YAML)."""
 
     name = "kalibr"
     title = "Kalibr (imu.yaml)"
@@ -69,10 +66,7 @@ class Kalibr(_YamlKeys):
 
 @register
 class Kimera(_YamlKeys):
-    """File for Kimera-VIO with the four continuous-time noise densities of Kalibr and the sampling rate.
-
-    Source: `params/Euroc/ImuParams.yaml` of Kimera-VIO.
-    """
+    """Kimera-VIO's noise densities, as Kalibr's, and sampling rate (`params/Euroc/ImuParams.yaml`)."""
 
     name = "kimera"
     title = "Kimera-VIO (ImuParams.yaml)"
@@ -89,10 +83,7 @@ class Kimera(_YamlKeys):
 
 @register
 class OpenVins(_YamlKeys):
-    """File for OpenVINS with the four continuous-time noise densities of Kalibr and the other keys of its IMU file.
-
-    Source: `config/euroc_mav/kalibr_imu_chain.yaml` of OpenVINS.
-    """
+    """OpenVINS's noise densities, as Kalibr's, and other keys (`config/euroc_mav/kalibr_imu_chain.yaml`)."""
 
     name = "openvins"
     title = "OpenVINS (kalibr_imu_chain.yaml)"
@@ -121,10 +112,7 @@ def _matrix(key: str, size: int) -> list[str]:
 
 @register
 class LioSam(_YamlKeys):
-    """File for LIO-SAM with four continuous-time noise densities, which the program squares for GTSAM.
-
-    Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
-    """
+    """LIO-SAM's noise densities, which it squares for GTSAM (`config/params.yaml`, `imuPreintegration.cpp`)."""
 
     name = "liosam"
     title = "LIO-SAM (params.yaml)"
@@ -143,12 +131,8 @@ class LioSam(_YamlKeys):
 
 @register
 class FastLio(_YamlKeys):
-    """File for FAST-LIO with discrete variances.
-
-    A filter step of length Δt adds Δt² times these variances to the covariance.
-
-    Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
-    """
+    """FAST-LIO's discrete variances: a step Δt adds Δt² times them to the covariance. Source: `config/velodyne.yaml`
+    and `IMU_Processing.hpp` of FAST-LIO."""
 
     name = "fastlio"
     title = "FAST-LIO and FAST-LIO2"
@@ -176,12 +160,8 @@ class FastLio(_YamlKeys):
 
 @register
 class OrbSlam3(_YamlKeys):
-    """File for ORB-SLAM3 with four continuous-time noise densities and the sampling rate.
-
-    The program computes discrete-time values from them.
-
-    Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3.
-    """
+    """ORB-SLAM3's continuous-time noise densities, which it converts, and the sampling rate. Source:
+    `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3."""
 
     name = "orbslam3"
     title = "ORB-SLAM3"
@@ -201,13 +181,10 @@ class OrbSlam3(_YamlKeys):
 
 @register
 class Vins(_YamlKeys):
-    """File for VINS with the discrete standard deviations N√f and K√f at the sampling rate f.
+    """VINS's discrete standard deviations N√f and K√f at the sampling rate f.
 
-    In a step Δt, VINS adds (Δt σ)² to the variance of the angle, the velocity or a bias, where σ is the parameter. For
-    white noise, N² Δt = Δt² acc_n², and for the random walk, K² Δt = Δt² acc_w².
-
-    Source: `config/euroc` and `integration_base.h` of VINS-Mono and VINS-Fusion.
-    """
+    A step adds (Δt σ)² to a variance: N² Δt = Δt² acc_n² for white noise, K² Δt = Δt² acc_w² for the walk. Source:
+    `config/euroc` and `integration_base.h` of VINS-Mono and VINS-Fusion."""
 
     name = "vins"
     title = "VINS-Mono, VINS-Fusion and GVINS"
@@ -232,10 +209,8 @@ class Vins(_YamlKeys):
 
 @register
 class Okvis2(_YamlKeys):
-    """File for OKVIS 2 with four continuous-time noise densities, the biases at rest and their standard deviations.
-
-    Source: `config/euroc.yaml` of OKVIS 2 and `ImuParameters` of `okvis/Parameters.hpp`.
-    """
+    """OKVIS 2's continuous-time noise densities, and biases at rest with standard deviations. Source:
+    `config/euroc.yaml` and `ImuParameters` of `okvis/Parameters.hpp`."""
 
     name = "okvis2"
     title = "OKVIS 2 (imu_parameters)"
@@ -309,10 +284,7 @@ TIMES = {"gyro": 500.0, "accel": 800.0}
 
 @register
 class AirSim(JsonFile):
-    """File for AirSim with white noise N and a bias that is a random walk with K = bias stability / √τ.
-
-    Source: `ImuSimpleParams.hpp` and `ImuSimple.hpp` of AirSim.
-    """
+    """AirSim's N and random walk K = bias stability / √τ (`ImuSimpleParams.hpp`, `ImuSimple.hpp`)."""
 
     name = "airsim"
     title = "AirSim (Imu of settings.json)"
@@ -347,12 +319,8 @@ FRAME_RATE_HZ = 10.0  # Number of lidar frames per second (Hz). The value is the
 
 @register
 class Glim(JsonFile):
-    """File for GLIM with continuous-time noise densities N, one random walk for all biases, and the biases at rest.
-
-    The random walk is the standard deviation of the change of a bias between two lidar frames.
-
-    Source: `config/config_sensors.json`, `odometry_estimation_imu.cpp` and `imu_integration.cpp` of GLIM.
-    """
+    """GLIM's noise densities N, biases at rest, and one random walk: the change of a bias between two lidar frames.
+    Source: `config/config_sensors.json`, `odometry_estimation_imu.cpp` and `imu_integration.cpp` of GLIM."""
 
     name = "glim"
     title = "GLIM (config_sensors.json)"
@@ -384,12 +352,8 @@ class Glim(JsonFile):
 
 @register
 class Basalt(JsonFile):
-    """File for Basalt with continuous-time noise densities of each axis and constant biases.
-
-    Basalt computes calibrated = (I + scale) raw − bias.
-
-    Source: `calibration.hpp` and `calib_bias.hpp` of basalt-headers.
-    """
+    """Basalt's noise densities of each axis and constant biases: calibrated = (I + scale) raw − bias. Source:
+    `calibration.hpp` and `calib_bias.hpp` of basalt-headers."""
 
     name = "basalt"
     title = "Basalt (value0 of calibration.json)"

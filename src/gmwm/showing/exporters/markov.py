@@ -37,10 +37,8 @@ class Bias:
 
 
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
-    """Fit white noise and a Gauss-Markov bias to each axis by least squares on the logarithm of the Allan variance,
-    from `low` to `high` (s), which are also the limits of the correlation time. If `common`, all axes have one
-    correlation time. If K of an axis is an upper limit, so is σ: the RMS of this random walk over the longest averaging
-    time."""
+    """Fit white noise and a GM bias to each axis by least squares of the log Allan variance from `low` to `high` (s),
+    also limits of T; `common` gives one T. If K is an upper limit, so is σ: the walk's RMS over the longest time."""
     slow = [axis for axis in axes if not axis.K.upper and axis.K.value > 0]
     groups = [slow] if common and slow else [[axis] for axis in slow]
     fitted: dict[str, Bias] = {}
@@ -90,8 +88,7 @@ class MarkovNoise(Noise):
 
 
 class GaussMarkov(TwoNumbers):
-    """Base class of formats with white noise N and a Gauss-Markov bias with the standard deviation σ and the
-    correlation time T; `common` if the program has one T for all axes."""
+    """Base of formats with N and a Gauss-Markov bias of σ and T; `common` if the program has one T for all axes."""
 
     takes = frozenset({"axes", "inflation", "horizon", "duration", "rate"})
     per_axis = True
@@ -170,12 +167,8 @@ _DEGREE = math.pi / 180
 
 @register
 class GnssInsSim(GaussMarkov):
-    """File for gnss-ins-sim with the constant bias, N and a Gauss-Markov bias for each axis.
-
-    The Gauss-Markov bias has the standard deviation σ and the correlation time T.
-
-    Source: `imu_model.py` and `pathgen.py` (`bias_drift`) of gnss-ins-sim.
-    """
+    """gnss-ins-sim's constant bias, N and Gauss-Markov bias (σ, T) of each axis. Source: `imu_model.py` and
+    `pathgen.py` (`bias_drift`) of gnss-ins-sim."""
 
     name = "gnss-ins-sim"
     title = "gnss-ins-sim (dictionary for imu_model.IMU)"
@@ -215,12 +208,8 @@ def _python(key: str, numbers: Sequence[Number], mark: str) -> str:
 
 @register
 class NaveGo(GaussMarkov):
-    """File for NaveGo with N, the range of the constant bias, and a Gauss-Markov bias for each axis.
-
-    The Gauss-Markov bias has the standard deviation σ and the correlation time T.
-
-    Source: `imu_si_errors.m`, `noise_b_sta.m` and `noise_b_dyn.m` of NaveGo, and its examples.
-    """
+    """NaveGo's N, range of the constant bias, and Gauss-Markov bias (σ, T) of each axis. Source: `imu_si_errors.m`,
+    `noise_b_sta.m` and `noise_b_dyn.m` of NaveGo, and its examples."""
 
     name = "navego"
     title = "NaveGo (structure for imu_si_errors)"
@@ -264,13 +253,10 @@ def _matlab(key: str, numbers: Sequence[Number], mark: str) -> str:
 
 @register
 class KfGins(GaussMarkov):
-    """File for KF-GINS with N and a Gauss-Markov bias with σ for each axis, and one correlation time T for all axes.
+    """KF-GINS's N and Gauss-Markov bias σ of each axis, with one correlation time T.
 
-    The filter uses the spectral density 2σ²/T for the driving noise of the bias. If a model has a single slow
-    Gauss-Markov term, σ and T are the parameters of this term.
-
-    Source: `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS.
-    """
+    The filter's driving noise has the density 2σ²/T. A single slow Gauss-Markov term gives σ and T. Source:
+    `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS."""
 
     name = "kfgins"
     title = "KF-GINS (kf-gins.yaml)"
@@ -304,15 +290,10 @@ def _yaml(key: str, numbers: Sequence[Number], factor: float, unit: str) -> str:
 
 @register
 class Gazebo(GaussMarkov):
-    """File for Gazebo with the standard deviation N√f of a sample and a Gauss-Markov bias.
+    """Gazebo's standard deviation N√f of a sample at rate f, and a Gauss-Markov bias with driving noise q = σ√(2/T).
 
-    f is the sampling rate, and σ and T are the standard deviation and the correlation time of the bias. Its driving
-    noise is q = σ√(2/T).
-
-    In each step Δt, the simulator computes the bias as b ← e^(−Δt/T) b + w with Var w = q² T (1 − e^(−2Δt/T))/2.
-
-    Source: SDFormat's description of noise, and `GaussianNoiseModel.cc` of Gazebo.
-    """
+    A step is b ← e^(−Δt/T) b + w with Var w = q² T (1 − e^(−2Δt/T))/2. Source: SDFormat's description of noise, and
+    `GaussianNoiseModel.cc` of Gazebo."""
 
     name = "gazebo"
     title = "Gazebo (SDF)"

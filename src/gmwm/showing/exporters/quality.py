@@ -166,16 +166,12 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
 
 TIMES = (1.0, 10.0, 60.0)  # times (s) over which the predictions of the filters are compared
 LARGE_LOSS = 1.2
-"""Loss at the longest time from which a file advises a filter with more states. A convention, pinned by
-tests/exporters/test_quality.py."""
+"""Loss at the longest time that advises a filter with more states, a convention (tests/exporters/test_quality.py)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """RMS error of the predicted mean over a time: over that of the filter of the full model, and stated over real.
-
-    `loss` is None if the full model has no filter.
-    """
+    """RMS error of a mean over that of the full model's filter (None without one), and stated over real error."""
 
     loss: float | None
     claim: float

@@ -62,9 +62,8 @@ def unknown(calibration: Calibration, quantities: Sequence[Quantity]) -> Iterato
 
 
 def prior(rest: Mapping[str, BiasAtRest], quantity: Quantity) -> float | None:
-    """Return the prior standard deviation (SI) of the bias of a sensor for a filter, or None if it is not known: for
-    the worst axis, the root sum of squares of the error of the bias, the RMS of its changes at rest and its turn-on
-    spread."""
+    """Return the prior standard deviation (SI) of a bias for a filter, or None: worst axis's root sum of squares of
+    error, RMS change at rest and turn-on spread."""
     known = [rest[axis] for axis in known_axes(rest, quantity)]
     if len(known) < 3:
         return None
@@ -109,8 +108,7 @@ class SensorNoise:
 
     quantity: Quantity  # kind of the sensor
     axes: tuple[AxisNoise, ...]  # parameters of each axis, before inflation
-    # White noise, random walk and coefficient of the flicker term, with three values for x, y and z. The three
-    # values are equal unless the rule is "each".
+    # White noise, random walk and flicker coefficient for x, y and z, equal unless the rule is "each".
     N: tuple[Number, ...]
     K: tuple[Number, ...]
     B: tuple[Number, ...]
@@ -128,8 +126,7 @@ class SensorNoise:
 def sensor_noise(
     calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, use: Use
 ) -> SensorNoise | None:
-    """Return N, K and B of a sensor, or None if it was not calibrated. Raises a DataError if the data do not determine
-    even an upper limit, or if the rule is "each" and an axis was not calibrated."""
+    """Return N, K and B of a sensor, or None if not calibrated; DataError if the data lack what the rule needs."""
     names = axes_of(calibration, quantity)
     if not names:
         return None
@@ -226,8 +223,7 @@ def _number(axis: str, fit: Fit, entry: Entry) -> Number:
 
 
 def lines_of(fit: Fit) -> list[tuple[float, float, str]]:
-    """Return amplitude (in the unit of the signal), frequency (Hz) and term of each sinusoid of a fit, the strongest
-    first. A filter with only N and K cannot represent them."""
+    """Return amplitude, frequency (Hz) and term of each sinusoid, strongest first; N and K cannot represent them."""
     rate = fit.wavelet_variance.rate
     return sorted((
         (math.sqrt(2 * line[0]), process.oscillation() or abs(line[1]) * rate, term)

@@ -32,12 +32,8 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """Covariances of ROS messages, with the variance of one sample on the diagonal.
-
-    The variance is the sum over all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without sinusoids.
-
-    Source: `sensor_msgs/msg/Imu.msg`.
-    """
+    """Covariances of ROS messages (`sensor_msgs/msg/Imu.msg`): the variance of one sample on the diagonal, over
+    stationary noise, σ² + 2Q² + Σ σ²_GM, without sinusoids."""
 
     name = "ros"
     title = "the covariances of ROS messages (sensor_msgs/Imu)"
@@ -88,8 +84,7 @@ def terms_without_variance(fit: Fit) -> tuple[str, ...]:
 
 
 def sample_variance(fit: Fit) -> float:
-    """Return the variance (SI) of one sample of the stationary noise of a fit. Sinusoids and terms that act as a random
-    walk are left out."""
+    """Return the variance (SI) of a sample's stationary noise, without sinusoids and terms that act as walks."""
     rate = fit.wavelet_variance.rate
     stationary = [process for term, process in _noises(fit) if not _grows(fit, term, process)]
     return sum(float(process.autocovariance([0], rate)[0]) for process in stationary)
@@ -116,12 +111,8 @@ def _not_in_variances(calibration: Calibration) -> Iterator[Remark]:
 
 @register
 class Autoware(Exporter):
-    """File for the node imu_corrector of Autoware with gyroscope offsets and standard deviations.
-
-    The node subtracts the offsets, and writes the squared standard deviations into the covariances of its messages.
-
-    Source: `imu_corrector_core.cpp` and `imu_corrector.param.yaml` of Autoware.
-    """
+    """Gyroscope offsets, which Autoware's imu_corrector subtracts, and standard deviations, squared in its messages.
+    Source: `imu_corrector_core.cpp` and `imu_corrector.param.yaml` of Autoware."""
 
     name = "autoware"
     title = "Autoware (imu_corrector.param.yaml)"
@@ -166,12 +157,8 @@ class Autoware(Exporter):
 
 @register
 class Dlio(Exporter):
-    """File for DLIO with the biases at rest.
-
-    DLIO has no noise parameters. It subtracts the biases: corrected = sm · raw − bias, with sm the scale matrix.
-
-    Source: `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry.
-    """
+    """DLIO's biases at rest: corrected = sm · raw − bias, with the scale matrix sm; it has no noise parameters. Source:
+    `cfg/dlio.yaml` and `odom.cc` of direct_lidar_inertial_odometry."""
 
     name = "dlio"
     title = "DLIO (dlio.yaml)"

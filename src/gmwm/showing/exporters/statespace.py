@@ -253,8 +253,7 @@ def _identifier(axis: str) -> str:
 
 
 def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
-    """Return the state-space matrices of one axis as lists, and those of its reduction to two states. F, Q, H and R are
-    for the rate of the options or, by default, of the recording."""
+    """Return an axis's state-space matrices, and those of two states, at the rate of the options or recording."""
     fit, key = calibration[axis], (options.rate, options.horizon, options.duration)
     try:
         return cached(fit, "matrices", key, lambda: _axis_matrices(fit, options))
@@ -324,18 +323,13 @@ _LASTING = 100.0
 
 @register
 class Matlab(TwoNumbers):
-    """File for MATLAB's simulator imuSensor with N, K and flicker noise of each axis.
+    """MATLAB's imuSensor with N, K and flicker noise of each axis.
 
-    f is the sampling rate. With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a
-    step of the random walk has RandomWalk/√f, which agrees with the definitions of N and K. With the default
-    "double-sided", MATLAB uses f/2 instead of f.
+    With the NoiseType "single-sided", a sample has NoiseDensity √f and a step of the walk RandomWalk/√f, which are N
+    and K; the default "double-sided" uses f/2. BiasInstability B drives a filter: flicker noise of density B²/(2π|f|)
+    up to as many lags as it has poles (default: one), then white noise.
 
-    BiasInstability is the coefficient B of white noise that drives a filter. The output of the filter is flicker noise
-    with the spectral density B²/(2π|f|) at time lags up to as many samples as the filter has poles. At longer lags, it
-    is white noise. The default filter has one pole.
-
-    Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code.
-    """
+    Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code."""
 
     name = "matlab"
     title = "MATLAB (imuSensor with gyroparams and accelparams)"

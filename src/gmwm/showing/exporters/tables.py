@@ -149,8 +149,7 @@ FORMAT = "gmwm-numbers"
 
 @register
 class JsonNumbers(Exporter):
-    """JSON with the noise parameters of a calibration, for other programs. calibration.json has the complete
-    calibration."""
+    """JSON with the noise parameters for other programs; calibration.json has the complete calibration."""
 
     name = "json"
     title = "other programs (JSON)"

@@ -24,8 +24,7 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """Return a sentence on the recording for the head of a file. It states the source, the length, the rate, the
-    checksum, and the effects that were subtracted."""
+    """Return a sentence on the recording: source, length, rate, checksum, and subtracted effects."""
     if is_given(calibration):
         return f"Source: {calibration.source}. These numbers were given, and not measured by gmwm."
     source = f"{calibration.source_name}, " if calibration.source else ""

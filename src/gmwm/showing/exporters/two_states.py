@@ -27,8 +27,7 @@ LONGEST_AVERAGING_S = 3600.0
 LEAST_AVERAGING_RATIO = 4.0  # smallest ratio of the longest averaging time to the horizon
 POINTS = 25  # number of averaging times in the fit, with equal distances in the logarithm
 _TRIED = {1: 80, 2: 16}
-"""Number of correlation times on the grid, by the number of states. All combinations are tried, and the best one is
-refined."""
+"""Grid size of correlation times by number of states; the best of all combinations is refined."""
 
 T = TypeVar("T")
 
@@ -44,8 +43,7 @@ class TwoStates:
     # Shortest and longest averaging time (s) in the fit. `low` is the horizon.
     low: float
     high: float
-    # largest relative difference between the Allan deviations of the states and of the model without its sinusoids
-    # and ramps
+    # largest relative difference from the model's Allan deviation without its sinusoids and ramps
     error: float
     # largest relative difference with one state, and with a random walk K instead of the states
     error_of_one: float
@@ -78,9 +76,8 @@ def apart(error: float) -> str:
 
 
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
-    """Fit white noise and two Gauss-Markov states to a model, from the horizon to the duration (s; by default one hour,
-    or a shorter recording), by least squares of the logarithm of the Allan variance. Return None if a filter without
-    random walk is best, or one sample takes longer."""
+    """Fit white noise and two GM states from the horizon to the duration (s; one hour, or the recording) by least
+    squares of the log Allan variance; None if no walk is best, or a sample is longer."""
     return cached(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
 
 
@@ -116,8 +113,7 @@ def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates |
 
 @dataclass(frozen=True)
 class States:
-    """White noise density, standard deviation and correlation time (s) of each state, and the largest relative error of
-    their Allan deviation."""
+    """White noise density, σ and T (s) of each state, and the largest relative error of their Allan deviation."""
 
     white: float
     sigma: tuple[float, ...]
@@ -162,9 +158,8 @@ class Curve:
 def fit_states(
     curves: Sequence[Curve], count: int, low: float, high: float, *, white: Sequence[float] | None = None
 ) -> list[States]:
-    """Fit white noise and at most `count` Gauss-Markov states to each curve, with common correlation times from
-    `low` to `high` (s), by least squares of the logarithm of the Allan variance. `white`, if given, holds each
-    white noise."""
+    """Fit white noise (or `white`) and at most `count` GM states to each curve, with common times from `low` to `high`
+    (s), by least squares of the log Allan variance."""
     times, parts = _start(curves, count, low, high)
     held = 0 if white is None else 1
     # If there is no white noise, the search starts from a trace of it, because it takes logarithms.
@@ -199,8 +194,7 @@ def fit_states(
 
 
 def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
-    """Return the best correlation times on a grid, and the white noise and variances of each curve. States whose
-    variance is zero in all curves are left out."""
+    """Return the best times on a grid, and white noise and variances by curve, without states zero in all."""
     grid = np.geomspace(low, high, _TRIED[count])
     shapes = [np.array([curve.white, *map(curve.unit, grid.tolist())]) / curve.whole for curve in curves]
     combined = [[0, *(1 + k for k in places)] for places in combinations(range(grid.size), count)]

@@ -1,12 +1,8 @@
-"""Plots of results with Matplotlib. `result.plot()` calls the function that is registered for the type of the result.
+"""Plots of results with Matplotlib. `result.plot()` calls the function registered for the result's type.
 
-A plot is a function that returns a description without Matplotlib, as a `Figure` of `gmwm.showing.plots.figure`. Its
-decorator `drawing` draws the description with Matplotlib, which is imported when the first plot is drawn;
-`description(plot)` returns the function itself. Parts of a plot, such as `fit_panel`, return a `Panel`.
-
-The functions `plot_…` return a `matplotlib.figure.Figure` that is not registered with pyplot, so it need not be closed,
-and notebooks display it. If `path` is given, they also write the picture to a .png, .pdf or .svg file.
-"""
+A function with the decorator `drawing` returns a description, a `Figure` of `gmwm.showing.plots.figure`, which
+Matplotlib, imported at the first plot, draws; `description(plot)` returns the function itself. Parts, such as
+`fit_panel`, return a `Panel`. Figures are not registered with pyplot: notebooks display them, and none is closed."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -137,8 +137,7 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Return the left and middle point of guides in the corner with the fewest points of curves and bands. All numbers
-    are fractions of the panel; `height` is half of the height of the guides."""
+    """Return left and middle of guides in the emptiest corner, in fractions of the panel (`height`: half)."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (
@@ -164,8 +163,7 @@ def _share(values: Vector, limits: tuple[float, float]) -> Vector:
 def avlr_panel(
     regression: AllanRegression, *, units: UnitSystem = "auto", guides: bool = True, alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_avlr` draws: the deviation, the fitted lines, and a symbol at each coefficient. If it
-    shares a legend with others (not `alone`), the coefficients are a text in the panel."""
+    """Return `plot_avlr`'s panel: deviation, fitted lines, coefficients; these are a text if a legend is shared."""
     curve = regression.allan
     view = cluster_view(curve, units)
     bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))

@@ -20,8 +20,7 @@ _DURATIONS = (
 )  # fmt: skip
 
 MANY_DECADES = 2.5
-"""Smallest length of an axis (decades) for which only powers of ten are labelled. On shorter axes, 2 and 5 are labelled
-too. Pinned by tests/plots/test_plot_axes.py."""
+"""Decades above which only powers of ten are labelled, otherwise 2 and 5 too (tests/plots/test_plot_axes.py)."""
 EMPTY = (1.0, 10.0)  # Limits of an axis without data. Such an axis has no ticks.
 
 
@@ -41,8 +40,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
-    """Return limits of a logarithmic axis that contain the positive finite values, with a fraction `margin` of their
-    decades on each side. They span at least one decade."""
+    """Return limits of a logarithmic axis, at least a decade, around positive values with a relative `margin`."""
     shown = drawable(values)
     if not np.any(np.isfinite(shown)):
         return EMPTY
@@ -64,13 +62,7 @@ def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tupl
 
 
 def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
-    """Return the labelled ticks and the positions of the unlabelled ticks of a logarithmic axis.
-
-    The labels are at powers of ten; a short axis also has labels at 2 and 5. A long axis has at most `at_most` labels.
-
-    >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
-    ['0.01', '0.1', '1', '10', '100', '1000']
-    """
+    """Return labelled ticks at powers of ten (and 2, 5 if short), at most `at_most`, and unlabelled positions."""
     low, high = math.log10(limits[0]), math.log10(limits[1])
     decades = range(math.floor(low), math.ceil(high) + 1)
     if high - low < MANY_DECADES:
@@ -120,8 +112,7 @@ def power_text(value: float) -> str:
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """Return a horizontal axis in seconds for the scales of all curves, in any order and possibly repeated. It has a
-    grid line at each dyadic scale, and minutes and hours at the top."""
+    """Return an axis in seconds for all scales, with dyadic grid lines, and minutes and hours at the top."""
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
     scales = np.unique(times)
@@ -154,14 +145,7 @@ def value_axis(limits: tuple[float, float], label: str) -> Axis:
 
 
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
-    """Return an axis for positive and negative values of different magnitude: linear about zero, logarithmic beyond.
-
-    It is linear up to the magnitude `linear`, and everywhere if no finite value exceeds the magnitude `even`. It
-    extends at least from −`least` to +`least`.
-
-    >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
-    ['0', '1', '2', '5', '10', '20', '50']
-    """
+    """Return an axis that is linear up to `linear` and logarithmic beyond, or linear if all values are ≤ `even`."""
     shown = np.append(values[np.isfinite(values)], [0.0, least, -least])
     low, high = float(shown.min()), float(shown.max())
     high = high if low < high else linear
@@ -199,8 +183,7 @@ _TIMES = (
     ("d", 86400.0, math.inf),
 )  # fmt: skip
 _PLAIN = (0.1, 1e4)
-"""Range of the largest value of an axis for which the label has no power of ten. Pinned by
-tests/plots/test_plot_series.py."""
+"""Largest values whose axis label has no power of ten (tests/plots/test_plot_series.py)."""
 
 
 def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...]:
@@ -237,11 +220,7 @@ def even_axis(low: float, high: float, label: str, *, margin: float, at_most: in
 
 
 def time_unit(seconds: float) -> tuple[str, float]:
-    """Return the unit of a time axis of this duration, and the length of the unit (s).
-
-    >>> time_unit(20.0), time_unit(7200.0), time_unit(86400.0)
-    (('s', 1.0), ('min', 60.0), ('h', 3600.0))
-    """
+    """Return the unit of a time axis of this duration, and the length of the unit (s)."""
     return next((unit, size) for unit, size, longest in _TIMES if seconds <= longest)
 
 
@@ -261,12 +240,7 @@ def scaled_axis(low: float, high: float, largest: float, *, name: str, unit: str
 
 
 def power_of(largest: float) -> int:
-    """Return the exponent of the power of ten in the label of an axis with values up to `largest`. The exponent is a
-    multiple of three.
-
-    >>> power_of(0.0123), power_of(9.8), power_of(2.5e6), power_of(0.0)
-    (-3, 0, 6, 0)
-    """
+    """Return the exponent, a multiple of three, in the label of an axis up to `largest`."""
     if largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]:
         return 0
     return 3 * math.floor(math.log10(largest) / 3)

@@ -42,8 +42,7 @@ if TYPE_CHECKING:
 
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
-"""Layers from back to front: guides, confidence bands, model, terms of the model, data. Terms are thin lines, so that
-the model behind them remains visible."""
+"""Layers from back to front: guides, bands, model, its terms (thin lines, so the model stays visible), data."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
@@ -89,8 +88,7 @@ def confidence_band(x: Vector, lower: Vector, upper: Vector, *, colour: str, lab
 
 
 def limits_label(wv: WaveletVariance) -> str:
-    """Return the legend entry of the limits of a wavelet variance. Their degrees of freedom count independent
-    coefficients and assume no type of noise, unlike those of `gmwm.allan_variance`."""
+    """Return the legend entry of limits, whose freedom assumes no type of noise, unlike `gmwm.allan_variance`."""
     return f"{100 * wv.confidence:g} % limits, any noise"
 
 
@@ -217,8 +215,7 @@ def overlay_panel(
     items: Mapping[str, Item], *, view: ViewName = "auto", units: UnitSystem = "auto",
     strokes: Sequence[Stroke] | None = None, title: str = "",
 ) -> Panel:  # fmt: skip
-    """Return a panel with several curves in the same unit and their confidence bands. A fit is drawn with symbols for
-    the data and a line for the model."""
+    """Return a panel with curves of one unit and bands; a fit has symbols for data and a line for the model."""
     items = {name: getattr(item, "without_lags", item) for name, item in items.items()}
     results = [wavelet_variance_of(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
@@ -353,16 +350,7 @@ def compare(
 
 
 def automatic_labels(items: Sequence[Item]) -> list[str]:
-    """Return a name for each item that states how it differs from the others, such as by its axis or its model.
-
-    Items that do not differ are numbered.
-
-    >>> from gmwm import WaveletVariance
-    >>> classical = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
-    >>> robust = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
-    >>> automatic_labels([classical, robust]), automatic_labels([classical, classical])
-    (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
-    """
+    """Return names that state how items differ, such as by axis or model, or else their numbers."""
     results = [wavelet_variance_of(item) for item in items]
     aspects = [
         [axis_title(wv.axis) for wv in results], _estimators(results),
@@ -395,8 +383,7 @@ def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
 
 MEAN = Stroke(GREY, 0.8, SOLID)  # stroke of the line at zero, which is the mean of the recordings
 LINEAR, EVEN = 10.0, 100.0
-"""Difference (%) up to which the vertical axis is linear, and largest difference (%) for which the whole axis is
-linear."""
+"""Differences (%) up to which the vertical axis is linear, and from which it is not linear throughout."""
 
 
 @drawing

@@ -1,8 +1,6 @@
-"""Description of a plot as plain data: a Figure has rows of Panels, and a Panel has two Axes and several Marks.
+"""Plain description of a plot: a Figure has rows of Panels, and a Panel two Axes and several Marks.
 
-This module does not depend on a drawing library. The renderers for Matplotlib and Plotly draw a Figure and make no
-further decisions about its content. All positions are in the units of the axis labels.
-"""
+The renderers for Matplotlib and Plotly make no further decisions. Positions are in the units of axis labels."""
 
 from __future__ import annotations
 
@@ -59,8 +57,7 @@ class Polyline:
 class Band:
     """A shaded region between `lower` and `upper` over x, for example between confidence limits."""
 
-    # (n,) positions in the units of the axes. NaN interrupts the band. An edge at infinity, or at 0 on a
-    # logarithmic axis, is drawn at the border of the panel.
+    # (n,) positions; NaN interrupts the band, and an edge at infinity, or 0 on a logarithmic axis, is at the border.
     x: Vector
     lower: Vector
     upper: Vector
@@ -115,8 +112,7 @@ class Axis:
     grid: tuple[float, ...] = ()  # positions of grid lines
     # ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds
     opposite: tuple[Tick, ...] = ()
-    # The scale is linear between −`linear` and +`linear`, and logarithmic outside this range. A logarithmic axis
-    # has 0, a linear axis infinity.
+    # Linear between ± `linear`, logarithmic outside: 0 for a logarithmic axis, infinity for a linear one.
     linear: float = 0.0
 
 
@@ -162,8 +158,7 @@ class Panel:
 class Figure:
     """Panels in rows, with one legend for all of them."""
 
-    # The panels of a row have the same width; None leaves the position empty. If all rows have the same length, the
-    # panels are aligned in columns.
+    # Panels of a row have one width, None is empty; rows of one length are aligned in columns.
     rows: tuple[tuple[Panel | None, ...], ...]
     # size in millimetres
     width: float = 120.0

@@ -50,15 +50,13 @@ if TYPE_CHECKING:
 Fitted: TypeAlias = "Fit | LikelihoodFit"
 """A result that `plot_fit` can draw."""
 MOST_SINUSOIDS = 2
-"""Largest number of sinusoids that are drawn as separate curves, also in `gmwm.showing.plots.spectrum`. Pinned by
-tests/plots/test_plot_limits.py."""
+"""Most sinusoids drawn as separate curves, also in `plots.spectrum` (tests/plots/test_plot_limits.py)."""
 
 
 def fit_panel(
     fit: Fitted, *, view: ViewName = "auto", units: UnitSystem = "auto", decomposition: bool = True, alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_fit` draws. If it shares a legend with others (not `alone`), the legend names the
-    terms without parameters, and a text in the panel lists the terms that are zero."""
+    """Return `plot_fit`'s panel; if not `alone`, the legend has no parameters, and a text lists the zero terms."""
     fit = getattr(fit, "without_lags", fit)
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
@@ -78,8 +76,7 @@ def fit_panel(
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """Return a text that lists the terms that are zero, wrapped for a narrow panel. It is at the top centre, because
-    the curves of inertial sensors fall on the left and rise on the right."""
+    """Return a narrow list of zero terms for the top centre, between the falling and rising ends of inertial curves."""
     if not zero:
         return ()
     lines = wrap(f"{', '.join(zero)}: zero", 28, break_long_words=False)
@@ -87,9 +84,8 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline, ...]:
-    """Return the curve of each term as a thin line, in front of the model and behind the data. If `alone`, the legend
-    gives its key parameters. Otherwise all lines of the axis are one curve, and so are all oscillations. Terms that are
-    zero have no curve and share one entry of the legend."""
+    """Return thin curves of terms between model and data. If `alone`, the legend has key parameters; else all lines
+    share a curve, and all oscillations. Zero terms share an entry."""
     wv = fit.wavelet_variance
     times = view.time(wv.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))

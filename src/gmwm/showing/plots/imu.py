@@ -163,8 +163,7 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
 
 
 def _arrange(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
-    """Arrange panels by name in rows, with one row for each sensor and one column for each letter. If any name is not
-    the name of an axis, all panels are arranged in rows of three."""
+    """Arrange panels in rows of sensors and columns of letters, or in rows of three if a name is no axis."""
     places = {name: sensor_and_letter(name) for name in panels}
     if all(sensor for sensor, _ in places.values()):
         letters = sorted({letter for _, letter in places.values()})
@@ -188,8 +187,7 @@ def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
 
 
 def _share_labels(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """Return the rows of panels without repeated axis labels. A common vertical scale is labelled only at the left
-    panel, and a common time axis only below the lowest panel."""
+    """Return rows without repeated labels: common vertical scales at the left, common times below."""
     result: list[tuple[Panel | None, ...]] = []
     for i, row in enumerate(rows):
         done: list[Panel | None] = []

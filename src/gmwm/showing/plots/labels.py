@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
-from gmwm.base.units import SI_UNIT, Quantity, datasheet_units, find_unit, letter_of, noise_unit, parse_unit, sensor_of
+from gmwm.base.units import SI_UNIT, Quantity, find_unit, letter_of, noise_unit, parse_unit, sensor_of, usual_unit
 from gmwm.showing.plots.axes import number_text
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.oscillator import name_in_text
@@ -50,11 +50,7 @@ def sensor_title(sensor: str) -> str:
 
 
 def axis_title(axis: str) -> str:
-    """Return the name of an axis in words; a name that is not of an axis is returned unchanged.
-
-    >>> axis_title("gyro_x"), axis_title("pressure")
-    ('Gyroscope X', 'pressure')
-    """
+    """Return the name of an axis in words; a name that is not of an axis is returned unchanged."""
     sensor, letter = sensor_and_letter(axis)
     return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
 
@@ -67,10 +63,7 @@ def shared_name(process: Process, rate: float) -> str:
 
 
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
-    """Return a term with its key parameters, as readable text.
-
-    The text has two parameters at most. Variances are given as standard deviations in the unit of the plot, rates as
-    correlation times, and the power of a sinusoid as its amplitude.
+    """Return a term with at most two key parameters: standard deviation, correlation time or amplitude.
 
     >>> from gmwm.processes import GM, SIN
     >>> view = View("allan", "rad/s", 1.0)
@@ -117,7 +110,7 @@ def _physical_text(number: Physical, unit: str, named: bool) -> str:
             return f"{number.symbol} = {number_text(number.value, DIGITS)}"
         return f"{number.symbol} = {duration_text(number.value)}"
     si, factor = noise_unit(number.time_power, unit)
-    name, size = next(iter(datasheet_units(si).items()))
+    name, size = usual_unit(si)
     return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}".replace("-", "−")
 
 
@@ -132,8 +125,7 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """Format the estimate of a parameter with symbol and unit. A variance is given as its square root, and a rate as
-    its inverse. A frequency has no symbol."""
+    """Format an estimate: a variance as its root, a rate as its inverse, a frequency without symbol."""
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
         if not parameter.symbol.endswith("²"):
@@ -157,11 +149,7 @@ def _three_digits(value: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Format a duration in a unit that suits its size.
-
-    >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
-    ('4.2 ms', '53 s', '90 min', '11 h')
-    """
+    """Format a duration in a unit that suits its size."""
     for unit, size, least in _DURATIONS:
         if seconds >= least:
             return f"{number_text(seconds / size, DIGITS)} {unit}"
@@ -169,11 +157,7 @@ def duration_text(seconds: float) -> str:
 
 
 def model_text(terms: Iterable[str]) -> str:
-    """Return a short name of a model from the names of its terms.
-
-    >>> model_text(["GM[1]", "GM[2]", "WN"])
-    '2·GM + WN'
-    """
+    """Return a short name of a model from the names of its terms."""
     counts: dict[str, int] = {}
     for term in terms:
         name = re.sub(r"\[\d+\]$", "", term)
@@ -182,13 +166,11 @@ def model_text(terms: Iterable[str]) -> str:
 
 
 ViewName: TypeAlias = Literal["auto", "wavelet", "allan"]
-"""Quantity of a plot: the wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time
-τ/2. "auto" is the Allan deviation if the filter is Haar's, otherwise the wavelet variance."""
+"""Wavelet variance ν² over τ, or Allan deviation √(2ν²) over τ/2; "auto" is the latter for Haar's filter."""
 UnitSystem: TypeAlias = Literal["auto", "si", "datasheet"]
-"""Unit system of a plot: rad/s and m/s², or deg/h and mg. "auto" is deg/h and mg for an Allan deviation of data in a
-unit of angular rate or acceleration, otherwise SI."""
+"""rad/s and m/s², or deg/h and mg; "auto" is the latter for Allan deviations of rates and accelerations."""
 
-DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
+DATASHEET_UNIT: dict[Quantity, str] = {quantity: usual_unit(si)[0] for quantity, si in SI_UNIT.items()}
 """Unit of an Allan deviation on datasheets, for gyroscopes and for accelerometers."""
 
 _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg": "mg²"}
@@ -207,9 +189,7 @@ class View:
         return tau / 2 if self.name == "allan" else tau
 
     def height(self, variance: Vector) -> Vector:
-        """Return the vertical position of a wavelet variance ν², which is given in the squared unit of the data. The
-        position is ν² itself, or the Allan deviation √(2ν²), because the Allan variance at the averaging time τ/2 is
-        twice the Haar wavelet variance at the scale τ."""
+        """Return the position of ν²: itself, or √(2ν²), as the Allan variance at τ/2 is twice the Haar one at τ."""
         if self.name == "allan":
             variance = 2 * np.maximum(variance, 0.0)
             return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)
@@ -246,16 +226,7 @@ class View:
 
 
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
-    """Return the view of data in `unit`, with the quantity `view` and the unit system `units`.
-
-    "auto" is the Allan deviation in datasheet units. A unit that is neither of an angular rate nor of an acceleration
-    is kept. Raises OptionError for it if `units` is "datasheet", and if `view` or `units` is unknown.
-
-    >>> view_of("deg/s", "wavelet", "si").height_label
-    'Wavelet variance (rad²/s²)'
-    >>> view_of("m/s²", "allan", "datasheet").height_label
-    'Allan deviation (mg)'
-    """
+    """Return the view of data in `unit`; "auto" is the Allan deviation in datasheet units, and other units are kept."""
     view = "allan" if view == "auto" else view
     definition = find_unit(unit)
     if units == "auto":

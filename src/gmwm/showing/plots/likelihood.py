@@ -45,8 +45,7 @@ ROBUST = Stroke(BLACK, 0.0, symbol="cross")
 
 
 def time_panel(residuals: Residuals) -> Panel:
-    """Return the panel of the residuals over time. If the model is right, the largest residual exceeds the limits in
-    the panel with a probability of 5 %."""
+    """Return the panel of residuals over time, with limits that the largest exceeds with a probability of 5 %."""
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LIMIT_LEVEL ** (1 / z.size)) / 2)
     samples = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS_OF_MM * PAGE))
@@ -69,8 +68,7 @@ def time_panel(residuals: Residuals) -> Panel:
 
 
 def quantile_panel(residuals: Residuals) -> Panel:
-    """Return the panel of observed against normal quantiles. If the model is right, the points are near the diagonal
-    and mostly within the limits."""
+    """Return observed against normal quantiles: near the diagonal and mostly within limits if the model is right."""
     normal, observed = residuals.quantiles()
     lower, upper = order_limits(normal, residuals.observed.size)
     reach = float(np.max(np.abs(normal)))
@@ -88,18 +86,8 @@ def quantile_panel(residuals: Residuals) -> Panel:
 
 
 def order_limits(normal: Vector, count: int, level: float = LIMIT_LEVEL) -> tuple[Vector, Vector]:
-    """Return the lower and upper confidence limits (n,) of order statistics of a standard normal sample.
-
-    For the k-th smallest value z of N, Φ(z) has the distribution Beta(k, N − k + 1), where Φ is the normal distribution
-    function.
-
-    `normal` (n,) has the normal quantiles that are the expected values of the order statistics of `count` = N samples.
-    `level` is the probability that an order statistic lies within its limits.
-
-    >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
-    >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
-    -2.054 to -1.946; 1.946 to 2.054;
-    """
+    """Return confidence limits (n,) of normal order statistics: Φ(z) of the k-th of N is Beta(k, N − k + 1). `normal`
+    (n,) are their expected values, and `level` the probability of each within its limits."""
     from scipy.special import betaincinv, ndtr, ndtri
 
     # The limits are computed for negative quantiles, where small probabilities have full relative precision.
@@ -162,8 +150,7 @@ def plot_residuals(
 def autocorrelation_panel(
     r: Vector, error: Vector, title: str = "", name: str = "Autocorrelation", most: float = 0.0
 ) -> Panel:
-    """Return a panel with an autocorrelation r (L,) at the lags 1 … L, and its confidence limits for white noise.
-    `error` (L,) is the standard deviation of each value for white noise. The axis includes ± `most`."""
+    """Return a panel of an autocorrelation (L,) with limits for white noise (`error`), and at least ± `most`."""
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LIMIT_LEVEL) / 2) * error
     far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)), most)
@@ -184,13 +171,9 @@ def autocorrelation_panel(
 
 
 def signal_autocorrelation_panel(
-    signal: Signal,
-    lags: int | None = None,
-    *,
-    partial: bool = False,
-    robust: bool = False,
+    signal: Signal | ArrayLike, lags: int | None = None, *, partial: bool = False, robust: bool = False,
     model: Modelled | None = None,
-) -> Panel:
+) -> Panel:  # fmt: skip
     """Return the panel that `plot_autocorrelation` draws."""
     record = as_record(signal, None)
     count = as_lags(lags, record.observed)
@@ -202,9 +185,9 @@ def signal_autocorrelation_panel(
         others.append((scores, ROBUST, "Observed, robust"))
     if model is not None:
         terms = as_model(getattr(model, "model", model))
-        theory = autocorrelation(terms, count, signal.rate, partial=partial)[1:]
+        theory = autocorrelation(terms, count, record.rate, partial=partial)[1:]
         others.append((theory, LIMIT, f"Model: {model_text(terms.terms)}"))
-    title = f"{axis_title(signal.axis) or 'Signal'}, limits for white noise"
+    title = f"{axis_title(record.axis) or 'Signal'}, limits for white noise"
     name = "Partial autocorrelation" if partial else "Autocorrelation"
     most = max((float(np.max(np.abs(curve))) for curve, _, _ in others), default=0.0)
     panel = autocorrelation_panel(r, error, title, name=name, most=most)
@@ -215,14 +198,14 @@ def signal_autocorrelation_panel(
 
 @drawing
 def plot_autocorrelation(
-    signal: Signal, lags: int | None = None, *, partial: bool = False, robust: bool = False,
+    signal: Signal | ArrayLike, lags: int | None = None, *, partial: bool = False, robust: bool = False,
     model: Modelled | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
 
     Parameters
     ----------
-    signal : Signal
+    signal : Signal or (N,) array
         The signal. Pairs of samples of which one is missing are left out.
     lags : int, optional
         Number of lags L. Default: 10 log₁₀ N for N samples.
@@ -260,9 +243,6 @@ RECORD = Stroke(PALE, 0.5)
 TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
-
-
-# --- what is drawn, as data ---------------------------------------------------------------------------
 
 
 def tracks_figure(
@@ -403,9 +383,6 @@ def _value_axis(low: float, high: float, tracks: Tracks, shown: View) -> tuple[A
     return scaled_axis(low, high, max(abs(low), abs(high)), name=quantity_name(tracks.unit), unit=shown.unit)
 
 
-# --- checks of the arguments --------------------------------------------------------------------------
-
-
 def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
     names = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
     unknown = [label for label in names if label not in tracks.mean]
@@ -436,9 +413,6 @@ def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None)
                 argument="truth", got=path.size, advice="Pass one value for each sample.",
             )  # fmt: skip
     return paths
-
-
-# --- pictures -----------------------------------------------------------------------------------------
 
 
 @drawing

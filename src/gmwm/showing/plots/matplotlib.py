@@ -54,8 +54,7 @@ _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
 
 def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """Draw one legend below all panels, in as many columns as fit the width, at most `columns`. If it needs more height
-    than that, the figure gets higher, so that the panels keep their size."""
+    """Draw one legend below all panels, in at most `columns`; the figure grows, so that panels keep their size."""
     room = picture.bbox.width - 2 * EDGE * MILLIMETRE * picture.dpi
     layouts = list(_layouts([*handles], columns, 72 * room / picture.dpi))
     heights = []
@@ -70,8 +69,7 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Yield layouts to try for a legend of at most `room` points width, from the best to one that always fits. Each
-    layout consists of the entries, possibly with line breaks, and the number of columns."""
+    """Yield entries (with line breaks) and columns of legends within `room` points, from best to always fitting."""
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
     halves = [fold(name, _text_room(room, 2), LEGEND_SIZE) for name in names]
@@ -157,11 +155,7 @@ class Picture(MatplotlibFigure):
 
 
 def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw a figure on new Matplotlib axes or on `ax`, and write the picture to `path`, a .png, .pdf or .svg file.
-
-    Returns the new figure, or the figure of `ax`. If writing fails, an existing file is not changed. Raises an
-    OptionError if `ax` is not a Matplotlib Axes or is given for several panels, or if `path` has another suffix.
-    """
+    """Draw on new Matplotlib axes or on `ax`, and write to `path` (.png, .pdf, .svg; kept if writing fails)."""
     if path is not None and Path(path).suffix.lower() not in FORMATS:
         raise OptionError(argument="path", expected=f"a path that ends in {', '.join(FORMATS)}", got=str(path))
     picture = _new_picture(figure) if ax is None else _onto(figure, ax)
@@ -177,8 +171,7 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 
 def render(picture: MatplotlibFigure, suffix: str) -> bytes:
     """Return the content of a file with the suffix ".png", ".pdf" or ".svg"."""
-    # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
-    # reproducible.
+    # PDFs keep text (font type 42), as journals require; the salt makes identifiers in an SVG reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
     buffer = io.BytesIO()
     with matplotlib.rc_context(settings):
@@ -217,8 +210,7 @@ def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None
 
 
 def _with_titles(figure: Figure) -> list[list[Panel | None]]:
-    """Return the rows of panels with wrapped titles. Titles in a grid have the same number of lines, so that its rows
-    have the same height."""
+    """Return rows with wrapped titles, of equal numbers of lines in a grid, so that rows have the same height."""
     rows = [_wrap_titles(row, figure.width) for row in figure.rows]
     if figure.heights or len({len(row) for row in rows}) > 1:
         return rows
@@ -230,8 +222,7 @@ def _with_titles(figure: Figure) -> list[list[Panel | None]]:
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
-    """Return the parent figure and the grid cell of each panel. All panels are in one grid, or each row has its own
-    grid if the rows differ in length."""
+    """Return the parent figure and grid cell of each panel: one grid, or one by row if lengths differ."""
     heights = figure.heights or None
     lengths = [len(row) for row in figure.rows]
     if len(set(lengths)) == 1:
@@ -320,8 +311,7 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
 
 
 def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
-    """Draw a band, and return a separate artist for the legend. Before Matplotlib 3.11, a legend below several panels
-    cannot show the band itself."""
+    """Draw a band, and return a legend artist: before Matplotlib 3.11, a common legend cannot show the band."""
     # Edges at zero or infinity cannot be drawn, so they are moved far outside the panel.
     lower, upper = (np.clip(edge, *far) for edge in (band.lower, band.upper))
     style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
@@ -354,8 +344,7 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
 
 
 def _minor_ticks(axis: MatplotlibAxis, places: tuple[float, ...]) -> Line2D:
-    """Return the minor ticks of an axis as one artist. Minor ticks of Matplotlib always have labels, even if empty.
-    Their layout would take half of the time of a picture."""
+    """Return minor ticks as one artist; Matplotlib's have labels, whose layout takes half the time of a picture."""
     ax, edge = axis.axes, [0.0] * len(places)
     along = axis is ax.xaxis
     ticks = Line2D(

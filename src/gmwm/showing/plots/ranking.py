@@ -71,8 +71,7 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 def distance_panel(
     wv: WaveletVariance, models: Sequence[tuple[str, Vector, Stroke]], view: ViewName, units: UnitSystem
 ) -> Panel:
-    """Return the panel with the distance of each model from the data, in units of the confidence limits. A model has a
-    name, its wavelet variance, and a stroke."""
+    """Return the panel of models' distances (name, wavelet variance, stroke) from data, in confidence limits."""
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
@@ -87,8 +86,7 @@ def distance_panel(
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """Return the distance (J,) of a model from the data, ν²(θ̂) − ν̂², over the distance from ν̂² to its upper
-    confidence limit if it is positive, otherwise to the lower one; NaN at levels without limits."""
+    """Return ν²(θ̂) − ν̂² (J,) over the distance to the upper limit if positive, else to the lower; NaN without."""
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
     limited = np.isfinite(room) & (room > 0)

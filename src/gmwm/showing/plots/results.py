@@ -49,8 +49,7 @@ FURTHER = (2.0, 100.0)
 limits, they end where all parameters have reached the accuracy. Pinned by tests/plots/test_plot_limits.py."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
-"""Symbols that are used unfilled too. The unfilled circle is not among them, because it marks where a parameter reaches
-the accuracy."""
+"""Symbols also used unfilled, without the circle, which marks where a parameter reaches the accuracy."""
 
 
 def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
@@ -89,8 +88,7 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """Return the durations (s) of the points of the curves, and the relative standard errors of each parameter there:
-    from where the first error falls below `HIGHEST_ERROR` until the last one has reached the accuracy."""
+    """Return durations (s) and relative errors of each parameter, from below `HIGHEST_ERROR` until all are accurate."""
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
     end = min(max(1.5 * furthest, least), most, plan.horizon)
@@ -106,8 +104,7 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 
 
 def _strokes(plan: Plan) -> dict[str, Stroke]:
-    """Return the stroke of each parameter: that of its term for a scale parameter, or a solid line with symbols in its
-    colour."""
+    """Return each parameter's stroke: that of its term for scales, or a solid line with symbols in its colour."""
     strokes = {}
     symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
     by_term = term_strokes(plan.model.terms, plan.model.processes)
@@ -215,9 +212,7 @@ EFFECT = Stroke(ORANGE, 2.2)
 
 
 def regression_panel(regression: Regression, *, units: UnitSystem = "si") -> Panel:
-    """Return the panel that `plot_regression` draws: block means of the signal against the first covariate, before
-    (with all effects) and after the removal, and the estimated effect with its 95 % band, relative to the reference
-    value."""
+    """Return `plot_regression`'s panel: block means before and after removal, and the effect with its 95 % band."""
     unit, factor = regression.unit, 1.0
     if units == "datasheet" and (others := datasheet_units(regression.unit)):
         unit, factor = next(iter(others.items()))

@@ -105,9 +105,6 @@ CLIPPED = "#1b1f24"
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
-# --- what is drawn, as data ---------------------------------------------------------------------------
-
-
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
     """Return the panel that `plot_signal` draws."""
     shown = view_of(signal.unit, "allan", units)
@@ -153,8 +150,7 @@ class _SignalRow:
 
 
 def _panels(rows: Sequence[_SignalRow], shown: View, name: str = "") -> list[Panel]:
-    """Return panels of one quantity over the same time. If possible, they have a common vertical scale, or at least a
-    common power of ten in their labels."""
+    """Return panels over the same time with a common vertical scale, or at least power of ten."""
     first, last = (float(end([end(row.trace.seconds) for row in rows])) for end in (np.min, np.max))
     x, size = elapsed_axis(first, last, last - first)
     spans = [row.trace.span for row in rows]
@@ -212,8 +208,7 @@ def quantity_name(unit: str) -> str:
 
 
 def row_height(rows: int, usual: float) -> float:
-    """Return the height of a row of panels (mm), at most `usual`, so that all rows fit on a printed page. A row has at
-    least 20 mm, because it would not be readable otherwise."""
+    """Return the height of a row (mm), readable from 20 mm up to `usual`, so that all fit on a printed page."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 
@@ -227,9 +222,6 @@ def time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | N
         )
         for i, row in enumerate(rows)
     )
-
-
-# --- pictures -----------------------------------------------------------------------------------------
 
 
 @drawing

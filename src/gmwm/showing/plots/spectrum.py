@@ -36,17 +36,13 @@ BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 
 
 def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
-    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit.
-
-    >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
-    (('rad/s/√Hz', 1.0), 'µg/√Hz')
-    """
-    if units not in ("si", "datasheet"):
+    """Return the unit of the root density of data in `unit`, and the conversion factor to this unit."""
+    if units not in ("si", "datasheet", "auto"):
         raise OptionError(argument="units", expected='"si" or "datasheet" (deg/s/√Hz, µg/√Hz)', got=units)
     si, factor = noise_unit(0.5, unit)
-    if units == "si":
-        return si, factor
     densities = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if units == "si" or (units == "auto" and not densities):
+        return si, factor
     if not densities:
         raise OptionError(
             f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
@@ -58,8 +54,7 @@ def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
 def spectrum_panel(
     spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
 ) -> Panel:
-    """Return the panel that `plot_spectrum` draws. If `alone` is False, several panels share the legend. Then it names
-    neither frequencies nor the model."""
+    """Return `plot_spectrum`'s panel; if not `alone`, the shared legend names neither frequencies nor the model."""
     shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     unit, factor = density_unit(shown.unit, units)
     f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
@@ -89,8 +84,7 @@ def _frequency_axis(frequencies: Vector) -> Axis:
 
 
 def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Polyline]:
-    """Return curves of the one-sided root density of a model and of each term. A sinusoid is a symbol at the root
-    density that its peak would have in this spectrum."""
+    """Return the one-sided root density of a model and its terms; a sinusoid is a symbol at its peak here."""
     f, rate = spectrum.frequencies, spectrum.rate
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
@@ -100,8 +94,7 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     for term, process in zip(model.terms, model.processes, strict=True):
         line = process.line(rate)
         if line is not None:
-            # A sinusoid of power P has the density P / (b Δf) if bins have the width Δf and the window has a noise
-            # bandwidth of b bins.
+            # A sinusoid of power P has the density P / (b Δf), bin width Δf and noise bandwidth b of the window.
             power, cycles = line
             height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
             symbol = Stroke(strokes[lines[0] if many else term].colour, 0.0, SOLID, "cross")

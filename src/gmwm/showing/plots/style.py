@@ -1,7 +1,4 @@
-"""Colours, dashes and symbols that colour-blind readers can distinguish (Okabe and Ito, 2008), also in greyscale.
-
-Two curves of a panel never differ by colour alone: their dashes or symbols differ as well.
-"""
+"""Colours, dashes and symbols for colour-blind readers (Okabe and Ito, 2008) and greyscale; no colour differs alone."""
 
 from __future__ import annotations
 
@@ -58,17 +55,15 @@ _NEXT = {FN.name: 7, SIN.name: 8}
 """Stroke numbers of flicker noise and of the first sinusoid. They follow the strokes of three Gauss-Markov terms."""
 _OUTPUT = ("AR", "MA", "ARMA")
 """Processes that describe white noise after the filter of the sensor. In a model without WN, they have its stroke."""
-# Strokes of all further processes, in the order in which they are used. The first have one of three colours (P. Tol's
-# muted scheme) and one of the three dashes that few other terms have. Neighbours in the list differ in colour and dash.
-# The remaining pairs of colour and dash are at the end.
+# Strokes of further processes in order: three colours (P. Tol's muted scheme) and the dashes that few terms have,
+# neighbours differ in both; other pairs are at the end.
 _FURTHER = tuple(
     Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
     for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
     for k in range(3 * len(dashes))
 ) + tuple(Stroke(colour, 1.0, dash) for colour in _TERM_COLOURS[8::-1] for dash in _TERM_DASHES[::-1])
 
-# By convention, x, y and z are red, green and blue. Here they are vermillion, bluish green and blue, with different
-# symbols and dashes, for colour-blind readers and greyscale prints.
+# Conventional red, green and blue as vermillion, bluish green and blue, with own symbols and dashes.
 _LETTERS: dict[str, tuple[str, tuple[float, ...], Symbol]] = {
     "x": (VERMILLION, SOLID, "circle"), "y": (GREEN, DASHED, "square"), "z": (BLUE, DASH_DOT, "triangle"),
 }  # fmt: skip
@@ -81,26 +76,17 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 def term_stroke(index: int) -> Stroke:
     """Return the stroke number `index` for terms of a model."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
-    # The numbers of colours and dashes are both divisible by three. Without the shift, a pair would repeat after 36
-    # terms.
+    # Both numbers are divisible by three, so without a shift pairs would repeat after 36 terms.
     dash = _TERM_DASHES[(index + index // 36) % len(_TERM_DASHES)]
     return Stroke(colour, 1.0, dash)
 
 
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
-    """Return the stroke of each term of a model. If possible, a term has the same stroke in all models and plots.
+    """Return the stroke of each term, the same in all models and plots if possible.
 
-    The processes for inertial sensors come first in the registry. Their stroke depends on their position there, and
-    on the number of the term if a model can contain the process several times. The stroke of any other process depends
-    on its name, but not on the other processes in the registry. In a model without WN, an AR, MA or ARMA process has
-    the stroke of WN. If another term of the model already has this stroke or its dash, the next free stroke is used. Up
-    to nine terms differ in both colour and dash. Two parametrisations of a process have the same stroke.
-
-    >>> from gmwm.processes import GM, RW, WN
-    >>> first, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
-    >>> first["RW"] == other["RW"], first["GM"] == other["GM[1]"], other["GM[1]"] == other["GM[2]"]
-    (True, True, False)
-    """
+    Inertial processes come first, by place in the registry and number of the term; others by name. Without WN, an AR,
+    MA or ARMA process has its stroke. If a stroke or dash is taken, the next free one is used. Up to nine terms differ
+    in both colour and dash; parametrisations of a process share a stroke."""
     kinds = {term: _kind(process) for term, process in zip(terms, processes, strict=True)}
     numbers = _stroke_numbers()
     if WN.name not in kinds.values():
@@ -126,8 +112,7 @@ def _kind(process: type[Process] | Process) -> str:
 
 
 def _stroke_numbers() -> dict[str, int]:
-    """Return the stroke numbers of the processes for inertial sensors: the four that a model contains once, the first
-    that it may repeat, then those of `_NEXT`."""
+    """Return stroke numbers of inertial processes: four single ones, the first that may repeat, then `_NEXT`."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -135,8 +120,7 @@ def _stroke_numbers() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """Return an unused stroke of `_FURTHER`, searched from position `start` on. A stroke with an unused dash is
-    preferred, and among these a stroke with an unused colour."""
+    """Return an unused stroke of `_FURTHER` from `start` on, preferably with an unused dash, then colour."""
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
     dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}

@@ -1,8 +1,5 @@
-"""Reduction of a long signal to the samples that its plot needs.
-
-Each column of dots keeps its first, smallest, largest and last sample. A line through them looks the same as a line
-through all samples (U. Jugel et al., *M4: a visualization-oriented time series data aggregation*, 2014).
-"""
+"""Reduction of a long signal to the samples that its plot needs: first, smallest, largest and last by column, which
+look like all (U. Jugel et al., *M4: a visualization-oriented time series data aggregation*, 2014)."""
 
 from __future__ import annotations
 
@@ -20,9 +17,7 @@ from gmwm.showing.plots.figure import Polyline, Stroke
 
 
 def extremes(values: Vector, columns: int) -> Integers:
-    """Return the sorted indices of the first, smallest, largest and last value of each of `columns` equal parts.
-
-    If the parts have at most 4 values each, all indices are returned.
+    """Return sorted indices of the first, smallest, largest and last value of each of `columns` parts, or all.
 
     >>> extremes(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 2.0, 2.0, 2.0, 9.0, 2.0]), 2)
     array([0, 1, 3, 4, 5, 8, 9])
@@ -70,9 +65,8 @@ class Outline:
 
 
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0, *, clip: bool = False) -> Outline:
-    """Reduce a signal to the trace for a plot with `columns` columns of dots. The values are multiplied by `factor`,
-    and the first sample is at the time `left` (s). With `clip`, samples far from nearly all others are clipped, so that
-    a knock does not flatten the rest of the plot."""
+    """Reduce a signal to a plot's trace, with values times `factor`, from the time `left` (s); `clip` limits samples
+    far from nearly all others, so that a knock does not flatten the plot."""
     # Times are measured from the first sample, because seconds since 1970 do not resolve a microsecond in doubles.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
@@ -131,10 +125,8 @@ def extremes_there(values: Vector, columns: int) -> Integers:
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
-    """Reduce a band to `columns` parts, and return the positions and the lower and upper edges of the parts.
-
-    The edges of a part are its smallest lower and its largest upper edge; NaN if no sample of the part has two finite
-    edges. Positions are sample numbers. If there are at most `columns` samples, all of them are returned.
+    """Reduce a band to sample numbers, smallest lower and largest upper edges of `columns` parts; NaN without finite
+    ones.
 
     >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
     (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
@@ -166,8 +158,7 @@ def lone_dots(x: Vector, y: Vector, colour: str, layer: int) -> tuple[Polyline, 
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the ranges of samples that are drawn as one line, as (start, stop, number of columns). A gap that is
-    narrower than a column is not visible, so the line continues across it."""
+    """Yield ranges drawn as one line (start, stop, columns), across gaps narrower than a column."""
     ends = [start + (b - a) / signal.rate for start, (a, b) in zip(signal.starts, signal.segments, strict=True)]
     total = max(ends) - min(signal.starts)
     first, opened = 0, signal.starts[0]
@@ -187,7 +178,6 @@ def offset_of(samples: Outline) -> float:
 
 
 def in_digits(mean: float, span: float) -> float:
-    """Round a mean to a few digits, so that a title can state exactly which constant was subtracted. The rounding error
-    is small compared with the span of the values."""
+    """Round a mean to few digits, small against `span`, so that a title can state the subtracted constant."""
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

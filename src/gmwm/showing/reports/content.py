@@ -14,11 +14,11 @@ import numpy as np
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import round_fixed, version
+from gmwm.base.text import round_fixed, round_text, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import legend, model_words, rows_of, short_legend
+from gmwm.calibration.summary_text import legend, model_words, outliers_word, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -219,9 +219,6 @@ def _pictures(axis: AxisCalibration) -> dict[str, Any]:
     return pictures
 
 
-# --- the recording and the settings -----------------------------------------------------------------
-
-
 def _settings(calibration: Calibration) -> Facts:
     options = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[options.robust]
@@ -235,9 +232,6 @@ def _settings(calibration: Calibration) -> Facts:
         ("Confidence", f"{100 * options.confidence:g} %"),
         ("Seed", str(options.seed)),
     ]  # fmt: skip
-
-
-# --- one axis ---------------------------------------------------------------------------------------
 
 
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
@@ -263,10 +257,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
 
 
 def regression_table(regression: Regression | None) -> dict[str, Any]:
-    """Return a text on a regression on conditions, and a table of its coefficients; {} without a regression.
-
-    The first row of the table has the headings.
-    """
+    """Return a text on a regression, and a table of coefficients with headings first; {} without one."""
     if regression is None:
         return {}
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
@@ -282,10 +273,7 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
 
 
 def _test(axis: AxisCalibration, rejected: bool) -> str:
-    """Describe the goodness-of-fit test of one axis in words.
-
-    If several axes are tested, single p-values below 5 % are expected by chance, so the level is that of all axes.
-    """
+    """Describe one axis's goodness-of-fit test; the level is for all axes, as single p < 5 % occur by chance."""
     if axis.test is None:
         return "No test: there are too few levels"
     summary = axis.test.summary(rejected and axis.test.pvalue <= 0.05)
@@ -294,14 +282,13 @@ def _test(axis: AxisCalibration, rejected: bool) -> str:
 
 def _ranking_rows(ranking: Ranking) -> list[list[str]]:
     """Return table rows of the best candidates and of all candidates equivalent to the best. The first has headings."""
-    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best ± standard error"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < MOST_CANDIDATES_LISTED or c.equivalent or c.recommended]
     for candidate in listed:
         word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
-        numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
-        texts_of_numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)
-        rows.append([round_fixed(ranking.label(candidate)), word, *texts_of_numbers])
+        numbers = (f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in (wic.value, wic.loss, wic.optimism))
+        rows.append([round_fixed(ranking.label(candidate)), word, *numbers, ranking.difference_text(candidate)])
     more = len(ranking.distinct) - len(listed)
     return [*rows, *([[f"… and {more} more", *[""] * 5]] if more else [])]
 
@@ -362,17 +349,19 @@ def _interval(low: float, high: float) -> str:
 def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
     verdict, robust = axis.verdict, axis.fit.wavelet_variance.robust
-    row = {"axis": name, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    row = {"axis": name, "fitted": "robust" if robust else "classical", "p": "", "most": ""}
+    row["found"] = outliers_word(axis)
     if verdict is None:
         return row | {"remarks": ["not tested"]}
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
-        percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
-        row["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
+        sign = "+" if verdict.excess[most] >= 0 else ""
+        percent = f"{sign}{round_text(100 * float(verdict.excess[most]))}".replace("-", "−")
+        row["most"] = f"{percent} % at {significant(verdict.tau[most], 3)} s"
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}
+    return row | {"p": p, "remarks": remarks}
 
 
 GROUP = "gmwm.reports"

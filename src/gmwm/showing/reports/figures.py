@@ -1,7 +1,4 @@
-"""Figures of a report for Plotly, in every combination of view and units that is available.
-
-Plotly interprets some HTML and its own templates in strings, so every string is escaped with `safe`.
-"""
+"""Figures of a report for Plotly, in every available view and unit; `safe` escapes strings, which Plotly interprets."""
 
 from __future__ import annotations
 
@@ -51,10 +48,8 @@ def safe(text: str) -> str:
 
 
 def plotly_panel(panel: Panel) -> dict[str, Any]:
-    """Convert a panel to a dictionary with "data" (the traces), "layout", and "entries" (number of legend entries).
-
-    A click on a legend entry hides all marks with this name, and the marks without a name that have its colour.
-    """
+    """Convert a panel to "data" (traces), "layout" and "entries" (of the legend). A click on an entry hides marks of
+    this name, and unnamed ones of its colour."""
     across, up = Scale(panel.x), Scale(panel.y)
     seen: set[str] = set()
     drawn: list[tuple[int, dict[str, Any]]] = []
@@ -76,12 +71,8 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
 
 
 class Scale:
-    """Conversion of values to positions on a Plotly axis.
-
-    On a logarithmic or linear axis, the position is the value. Plotly has no axis that is linear about zero and
-    logarithmic beyond. Such an axis is drawn as a linear axis with converted values: on each side, the linear part and
-    each decade beyond it have the length 1.
-    """
+    """Conversion of values to positions on a Plotly axis. As Plotly has none that is linear about zero and logarithmic
+    beyond, values are converted: the linear part and each decade have the length 1."""
 
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
@@ -132,9 +123,6 @@ def _with_entries(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
             by_colour[mark.stroke.colour] = mark.label
         colour = mark.colour if isinstance(mark, Band) else mark.stroke.colour
         yield mark, mark.label or by_colour.get(colour, "")
-
-
-# --- traces -----------------------------------------------------------------------------------------
 
 
 def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
@@ -225,9 +213,6 @@ def _shade(colour: str, opacity: float) -> str:
     return f"rgba({red},{green},{blue},{opacity:g})"
 
 
-# --- the layout -------------------------------------------------------------------------------------
-
-
 def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
     texts: list[dict[str, Any]] = [
         _text(text.text, "x domain", x=text.x, yref="y domain", y=text.y) for text in panel.texts
@@ -307,10 +292,7 @@ def axis_pictures(axis: AxisCalibration) -> tuple[Variants, Variants]:
 
 
 def spectrum_pictures(spectrum: PowerSpectrum, model: Model) -> Variants:
-    """Return the figure of a spectrum with the density of the model, by unit system.
-
-    If the page has no figure in the chosen view, it uses a figure of another view.
-    """
+    """Return a spectrum's figure with the model by unit system, for pages of any view."""
     return _variants(lambda view, units: spectrum_panel(spectrum, model=model, units=units), views=("wavelet",))
 
 

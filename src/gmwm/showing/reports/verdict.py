@@ -25,11 +25,7 @@ Facts = list[tuple[str, str]]  # pairs of name and value, in the order of the pa
 
 
 def recording_facts(calibration: Calibration) -> dict[str, Any]:
-    """Return the facts on the recording, as "facts" and "rows".
-
-    For a single recording, "facts" has all facts. For several recordings, it has the common facts, and "rows" is a
-    table with a column for each recording.
-    """
+    """Return facts on the recording ("facts"), and for several ones a table with a column for each ("rows")."""
     axes = [("Axes", ", ".join([*calibration.axes, *calibration.failed])), ("Units", _units(calibration))]
     if calibration.recordings:
         columns = [
@@ -70,9 +66,9 @@ def _conditions(recording: Recording) -> Facts:
     gaps = recording.segments - 1
     lost = f"{gaps}, {duration_text(recording.missing)} missing" if recording.missing > 0 else str(gaps)
     jitter = recording.jitter
-    stamps = "none" if jitter is None else f"jitter {significant(jitter, 3)} s (root mean square)"
-    facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps)]
-    facts += [("At rest", "yes" if recording.static else "no"), ("Knocks", str(recording.knocks))]
+    stamps = "none" if jitter is None else f"jitter {significant(round(jitter, 9), 3)} s (root mean square)"
+    rest = "yes" if recording.static else "no"
+    facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps), ("At rest", rest)]
     if recording.gravity is not None:
         facts.append(("Specific force", f"{recording.gravity:.5g} m/s²"))
     limits = recording.temperature
@@ -88,8 +84,7 @@ def _units(calibration: Calibration) -> str:
 
 
 State = Literal["good", "look", "bad"]
-"""State of a point in the verdict box. "good": nothing to do. "look": read the remark before using the numbers. "bad":
-do not use the numbers before the cause is found."""
+"""State in the verdict box: "good", "look" (read the remark first), "bad" (do not use before a cause is found)."""
 
 _STATES: Mapping[Severity, State] = {
     Severity.UNUSABLE: "bad",
@@ -111,11 +106,8 @@ def state_of(remark: Remark) -> State:
 
 
 def verdict(calibration: Calibration) -> dict[str, Any]:
-    """Return the content of the verdict box: "state", "code" and "headline" of the verdict, and a list "points".
-
-    Each point has a "state", a "code" and a "text". Remarks that affect numbers come first, then the main results. The
-    headline and the texts are HTML.
-    """
+    """Return the verdict box: "state", "code", "headline" and "points", each of "state", "code" and "text" (HTML).
+    Remarks that affect numbers come first, then the main results."""
     head = calibration.verdict
     equality = equality_remarks(calibration)
     cautions = [r for r in calibration.remarks if r.severity is not Severity.INFO and r not in equality]
@@ -217,11 +209,8 @@ _WITHOUT_REMARK = {
 
 
 def filter_tables(calibration: Calibration, dialect: Dialect = Dialect.HTML) -> list[dict[str, Any]]:
-    """Return a table for each sensor: "sensor", "title", "heads", "rows", and "reasons" of numbers that have a limit.
-
-    A row has "axis", "title", "cells", "model" and "failed", which is the reason if the axis was not calibrated. A cell
-    has "text", "mark" and "state". The reasons are sentences in the form of the dialect.
-    """
+    """Return each sensor's table: "sensor", "title", "heads", "rows", and "reasons" of numbers with a limit. Rows have
+    "axis", "title", "cells" ("text", "mark", "state"), "model" and "failed", the reason without numbers."""
     tables = []
     for sensor, members in by_sensor({**calibration.axes, **calibration.failed}).items():
         axes = {axis: calibration.axes[axis] for axis in members if axis in calibration.axes}

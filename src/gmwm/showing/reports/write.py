@@ -108,11 +108,8 @@ def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: 
 
 
 def page(data: dict[str, Any]) -> str:
-    """Render the result of `report_data` as HTML.
-
-    The content security policy allows only the scripts of the report, by their SHA-256, and no network requests. So
-    text from a recording cannot run a script, even if the template fails to escape it.
-    """
+    """Render the result of `report_data` as HTML. The security policy allows only the report's scripts (SHA-256) and no
+    network, so no text of a recording runs a script."""
     scripts = [part("vendor/plotly-basic.min.js"), part("page/report.js")]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
@@ -175,8 +172,7 @@ def part(name: str) -> str:
 
 
 MOST, SENTENCES = 3, 2
-"""Largest number of cautions, and of sentences of each, so that the report fits on one page
-(tests/reports/test_one_page.py)."""
+"""Most cautions, and sentences of each, for a report of one page (tests/reports/test_one_page.py)."""
 FACTS = ("File", "Source", "SHA-256", "Sampling rate", "Length", "Gaps", "At rest", "Temperature")
 
 

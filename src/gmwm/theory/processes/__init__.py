@@ -1,7 +1,4 @@
-"""Noise processes and their sums. This package contains the theory only and uses no data.
-
-The modules imported here define the processes. The order of the imports is the order in which processes are listed.
-"""
+"""Noise processes and their sums: theory only, no data. Processes are listed in the order of the imports here."""
 
 from gmwm.theory.processes.noise import WN as WN, QN as QN  # isort: skip
 from gmwm.theory.processes.noise import RW as RW  # isort: skip

@@ -1,8 +1,6 @@
-"""Autoregressive moving averages of any order, with or without a season.
+"""Autoregressive moving averages of any order, with or without a season (φ, θ and alike Φ, Θ):
 
-φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t,   Var ε = σ²,   B X_t = X_{t−1},
-φ(B) = 1 − φ₁B − … − φ_p B^p,   θ(B) = 1 + θ₁B + … + θ_q B^q.   Φ and Θ have the same form and the orders P and Q.
-"""
+φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, Var ε = σ², φ(B) = 1 − φ₁B − … − φ_p B^p, θ(B) = 1 + θ₁B + … + θ_q B^q."""
 
 from __future__ import annotations
 
@@ -18,8 +16,7 @@ class _Arma(Lagged, abstract=True, listed=False):
 
     @classmethod
     def instead_of_repeats(cls, count: int) -> str:
-        """Return the single term to write for `count` terms: sums of autoregressions are ARMA processes, of moving
-        averages MA."""
+        """Return the term for `count` terms: sums of autoregressions are ARMA processes, of moving averages MA."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
             return cls.name

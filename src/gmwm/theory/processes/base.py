@@ -1,9 +1,7 @@
 """Base class of all noise processes.
 
-The wavelet variance of a process is a scale coefficient times a shape, which depends on the nonlinear parameters.
-A subclass defines at least one piece of theory; the defaults here derive the rest. Each subclass is added to the
-registry, which the parser, the command line, the documentation and the tests in `tests/laws` use.
-"""
+The wavelet variance is a scale coefficient times a shape of nonlinear parameters. A subclass defines a piece of theory;
+defaults derive the rest. The registry serves the parser, the command line, the documentation and `tests/laws`."""
 
 from __future__ import annotations
 
@@ -105,8 +103,7 @@ class Process(HaarTheory, ABC):
     approximate: ClassVar[bool] = False
     """Whether `state_space` is an approximation (see the module `ladder`), from which no other theory is derived."""
     parametrises: ClassVar[str | None] = None
-    """Common name of classes that describe one process by different parameters, such as `AR1` and `GM`; None otherwise.
-    A model may use only one of these classes."""
+    """Common name of classes of one process, such as `AR1` and `GM`; a model may use only one of them."""
 
     def __init_subclass__(cls, *, register: bool = True, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -1,10 +1,7 @@
-"""Exact Gaussian paths for any stationary autocovariance, by circulant embedding.
+"""Exact Gaussian paths for any stationary autocovariance, by circulant embedding, in O(N log N).
 
-The autocovariance r(0), …, r(M), followed by its mirror image r(M − 1), …, r(1), is the first row of a circulant
-matrix. The Fourier transform of this row gives the eigenvalues. If no eigenvalue is negative, white noise whose Fourier
-transform is multiplied by their square roots has the autocovariance r (Davies and Harte 1987, Dietrich and Newsam
-1997). The cost is O(N log N) for N samples.
-"""
+r(0), …, r(M), …, r(1) is the first row of a circulant matrix. Its Fourier transform gives the eigenvalues; if none is
+negative, white noise times their roots has the autocovariance (Davies and Harte 1987, Dietrich and Newsam 1997)."""
 
 from __future__ import annotations
 
@@ -26,8 +23,7 @@ def half_period(n: int) -> int:
 
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
-    """Compute the square roots (M + 1,) of the eigenvalues of the circulant matrix of r(0), …, r(M), M = `half`.
-    Negative eigenvalues, which are rounding errors for all callers, become zero."""
+    """Compute the roots (M + 1,) of circulant eigenvalues; negative ones, rounding for all callers, become zero."""
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
 
@@ -42,8 +38,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
     half = half_period(n)
     while half <= LARGEST_EMBEDDING:
         eigenvalues = _eigenvalues(autocovariance, half)
-        # Size of negative eigenvalues, relative to the largest eigenvalue, below which they are treated as rounding
-        # errors.
+        # Relative size of negative eigenvalues that are rounding errors.
         if eigenvalues.min() >= -1e-9 * eigenvalues.max():
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2

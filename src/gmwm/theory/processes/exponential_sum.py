@@ -5,15 +5,10 @@ The running sum of such a process has the generalised covariance
     K(m) = −½ w |m| + γ² (|m|³ − |m|)/12 + ρ(|m|) + Re Σ_p a_p k_p(m),
     k_p(m) = −½ |m| coth(λ_p/2) − e^(−λ_p |m|) / (4 sinh²(λ_p/2)),
 
-where ρ is 0 beyond a few lags, and k_p belongs to the autocovariance e^(−λ_p |m|), with a real or complex decay λ_p.
-Covariances of Haar wavelet coefficients are second differences of K over both scales. Between two kinks they are a
-polynomial plus exponentials in the lag. Products of such functions are geometric sums, which `cpp/src/lag_sums.cpp`
-computes in closed form.
-
-Haar wavelet variance of processes with the autocovariance φ^|k|, φ = ±e^(−λ), and its derivatives.
-
-The kernels in `cpp/src/exponential.cpp` have relative errors of about 1e-16 for every λ from 1e-300 to white noise.
-"""
+with ρ = 0 beyond a few lags, and k_p of e^(−λ_p |m|), λ_p real or complex. Covariances of Haar coefficients are its
+second differences over both scales: polynomials plus exponentials between kinks, whose products `cpp/src/lag_sums.cpp`
+sums in closed form. The Haar variances of φ^|k|, φ = ±e^(−λ), and derivatives (`cpp/src/exponential.cpp`) have relative
+errors of 1e-16 for every λ from 1e-300 to white noise."""
 
 from __future__ import annotations
 
@@ -31,8 +26,7 @@ from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
 Kernel = tuple[float, float, Vector, Matrix, NDArray[np.uint8]]  # A process as `_core.lag_sums` takes it
 _SERIES = 0.5
-"""|λ| s below which sinh λs − s sinh λ is computed from its series, because its terms would cancel. The kernel uses the
-same limit."""
+"""|λ| s below which sinh λs − s sinh λ comes from its series, without cancellation, as in the kernel."""
 
 
 def _none() -> Vector:
@@ -136,18 +130,13 @@ def lag_sums(
 ) -> tuple[Vector, Vector]:
     """Compute Σ_u n(u) C(u) and Σ_u n(u) (C(u)² + 2 C(u) D(u)) for each pair of levels, or each level if `diagonal`.
 
-    C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of the process and of the `tables` times their factors; see
-    `lag_table`. n(u) is the number of pairs of coefficients with the lag u. Pairs are sorted by the coarser level, then
-    the finer.
-    """
+    C(u) and D(u) are 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of the process and of `tables` times factors (`lag_table`), and
+    n(u) numbers of pairs. Pairs are sorted by the coarser level, then the finer."""
     return _core.lag_sums(levels, samples, diagonal, process.kernel, list(tables))
 
 
 def lag_table(levels: NDArray[np.int64], samples: int, process: ExponentialSum, *, diagonal: bool) -> _core.LagTable:
-    """Compute the covariances D(u) of a process with real decays and without spikes, for `lag_sums`.
-
-    Many processes can use it; their levels are the first ones of the table.
-    """
+    """Compute D(u) of a process with real decays and no spikes for `lag_sums`; many processes can use it."""
     return _core.LagTable(levels, samples, diagonal, process.kernel)
 
 
@@ -237,8 +226,7 @@ def _s(lam: Array) -> Array:
 
 
 def block_variance(lam: float, m: Array) -> Array:
-    """Compute [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)), the variance of a sum of m samples with autocovariance
-    e^(−λ|k|)."""
+    """Compute [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)), the variance of m summed samples of e^(−λ|k|)."""
     v = np.array([min(lam, WHITE)])
     # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v
@@ -250,31 +238,7 @@ _CURVE = _series(lambda n: (-1) ** n / factorial(n), 2, 20)
 
 
 def oscillation_shape(damping: Array, turn: Array, h: Array) -> Array:
-    """Compute the wavelet variances (n, J) for the autocovariances e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], with the damping
-    a and the turn ω (n,) per sample, at half-scales h (J,).
-
-    With λ = a + iω and c = 1 + ia/ω, 4h²ν² = Re c [2h coth(λ/2) − (6 − 8e^(−λh) + 2e^(−2λh))/(4 sinh²(λ/2))].
-    """
-    # Above half the sampling rate, the turn of an alias has the same exponentials.
-    alias = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    lam = (np.minimum(damping, WHITE) + 1j * alias)[:, None]
-    c = 1.0 + 1j * (damping / turn)[:, None]
-    x = lam * h
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        e = np.exp(-x)
-        direct = 2.0 * h * c / np.tanh(0.5 * lam) - (6.0 - 8.0 * e + 2.0 * e * e) * c / (4.0 * np.sinh(0.5 * lam) ** 2)
-    small = np.abs(x) < 0.5
-    if small.any():
-        # (λ/2)² / sinh²(λ/2) − 1
-        square = np.where(np.abs(lam) < 0.5, 0.25 * lam * lam, 0.0)
-        excess = square * np.polyval(_EXCESS, square)
-        less = -excess * (2.0 + excess) / (1.0 + excess) ** 2
-        # Re cλ is 0 without an alias, so that the series begins with its second term.
-        first = (damping * (1.0 - alias / turn))[:, None] + c * lam * less
-        later = c * lam * (1.0 + less) * (4.0 * h * 4.0 * square * np.polyval(_EXCESS[:-1], 4.0 * square))
-        later -= c * lam * (1.0 + less) * h**3 * np.where(small, x, 0.0) * np.polyval(_FOURTH, np.where(small, x, 0.0))
-        direct = np.where(small, (4.0 * h + 8.0 * h**3) / 6.0 * first + later, direct)
-    return np.asarray(direct.real / (4.0 * h * h))
-
-
-_FOURTH = _series(lambda n: (-1) ** n * (2.0 ** (n + 1) - 8.0) / factorial(n), 4, 22)  # of 6 − 8e^(−x) + 2e^(−2x)
+    """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω a sample, half-scales h."""
+    out = np.empty((turn.size, h.size))
+    _core.oscillation_shapes(np.ascontiguousarray(damping), np.ascontiguousarray(turn), h, out)
+    return out

@@ -1,17 +1,13 @@
 """Wavelet variance of processes under any wavelet filter, at full accuracy at all levels.
 
-The wavelet filter h_j of level j and the smoothing filter g satisfy h_j(z) = g(z) h_{j−1}(z²). White noise filtered by
-1/(1 − φz) is a first-order Markov process; φ = 1 gives a random walk and φ = 0 white noise. With 1 − φz =
-(1 − φ²z²)/(1 + φz), its wavelet coefficients follow the same recursion:
+Filters satisfy h_j(z) = g(z) h_{j−1}(z²) with the smoothing filter g. 1/(1 − φz) makes white noise a Markov process (φ
+= 1: walk, φ = 0: white). As 1 − φz = (1 − φ²z²)/(1 + φz), the same recursion holds:
 
     h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)],   w = z².
 
-For quantization noise, (1 − z) h_j(z) = g(z)/(1 + z) · [(1 − w) h_{j−1}(w)]. The wavelet variance is the sum of the
-squared coefficients of these series. It is computed level by level from autocorrelations of short filters,
-u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m). Here t is the autocorrelation of the factor in front of
-the bracket, and a_j is the autocorrelation of the bracket at level 1. This avoids differences of large numbers for any
-filter length and any φ.
-"""
+For quantization noise, (1 − z) h_j(z) = g(z)/(1 + z) · [(1 − w) h_{j−1}(w)]. The sum of squared coefficients is
+computed from short autocorrelations, u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m), with t of the
+front factor and a_j of the bracket at level 1. No large numbers are subtracted, for any length and φ."""
 
 from __future__ import annotations
 
@@ -34,8 +30,7 @@ def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances 2[r_j(0) − r_j(1)] (J,) of e_t − e_{t−1}, Var e = 1, from the filter
-    autocorrelation r_j."""
+    """Compute 2[r_j(0) − r_j(1)] (J,), the variances of e_t − e_{t−1}, Var e = 1, with filter autocorrelation r_j."""
     step = _transition(_autocorrelation(without_zero(filter)), filter.length)
     base = _fold(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
@@ -63,8 +58,7 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute 4^(j−1) (Σ_l l h_{1,l})² (J,) for a drift of slope 1; 0 for a filter with two or more vanishing
-    moments."""
+    """Compute 4^(j−1) (Σ_l l h_{1,l})² (J,) for a drift of slope 1; 0 with two or more vanishing moments."""
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
@@ -95,8 +89,7 @@ def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """Compute the wavelet variances (n, J) of AR1 processes with φ (n,) and innovation variance 1."""
     lam = log_decay(phi)
-    # λ below which the wavelet variance for φ = −e^(−λ) is computed by `_near_minus_one`. At this λ both methods are
-    # accurate.
+    # Both methods are accurate at this λ for φ = −e^(−λ).
     near = (phi < 0) & (lam < 0.1)
     values = np.empty((phi.size, levels.size))
     values[near] = _near_minus_one(lam[near], filter, levels)
@@ -136,9 +129,8 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Compute Σ_k v_k s(k) (n,) and its derivative by φ, where s is the autocovariance of unit white noise filtered by
-    (1 − z)/(1 − φz): s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is
-    thus applied analytically, without cancellation for φ → 1. `below` is 1 − φ and `above` 1 + φ."""
+    """Compute Σ_k v_k s(k) (n,) and its derivative by φ, for the autocovariance s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 −
+    φ)/(1 + φ) of (1 − z)/(1 − φz): applied analytically, 1 − z does not cancel for φ → 1."""
     polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
     for k in range(len(v) - 1, 0, -1):
         slope = slope * phi + polynomial
@@ -149,9 +141,8 @@ def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tupl
 
 @lru_cache(maxsize=64)
 def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
-    """Return the matrices E and O of the step u → [(1 + φ²) E + φ O] u to the next level, and a matrix C. The step
-    belongs to the factor g(z)(1 + φz). C maps u to Σ_m u(m) r_q(m − l), where r_q is the autocorrelation of q(z) =
-    h(z)/(1 − z), the wavelet filter without its factor 1 − z."""
+    """Return E and O of the step u → [(1 + φ²) E + φ O] u by g(z)(1 + φz), and C, which maps u to Σ_m u(m) r_q(m − l),
+    q(z) = h(z)/(1 − z)."""
     reach = filter.length
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
     shifted = np.convolve(plain, [1.0, 0.0, 1.0])
@@ -172,11 +163,10 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 
 
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
-    """Compute the wavelet variances (n, J) of AR1 processes with φ = −ψ = −e^(−λ) and innovation variance 1, λ small.
-    At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
-    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ), s(k) =
-    (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving average
-    minus κ ψ^(2|k|)."""
+    """Compute wavelet variances (n, J) of AR1 with φ = −ψ = −e^(−λ), innovation variance 1 and small λ. From level 2
+    on, the smoothing filter's zero at −1 cancels the pole of 1/(1 + ψz): (1 + z)/(1 + ψz) has s(0) = 2/(1 + ψ), s(k) =
+    (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). Scaling coefficients then have a moving average's autocovariance minus κ
+    ψ^(2|k|)."""
     psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
     above = 1.0 + psi
     values = np.empty((lam.size, int(levels[-1])))
@@ -204,12 +194,11 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
 
 
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances ν_j² (J,) of a stationary process from its state space. The recursion over levels
-    propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Values at lags k ≤ L, the filter length, are stored
-    individually. Values at longer lags are the last component of −(A^k d). A is the transition over 2^j samples with
-    the accumulated difference as an additional state, which avoids cancellation if the states change slowly. The
-    rounding error grows to 2^j times the machine precision only if the spectrum vanishes at f = 0, as for quantization
-    noise, which has its own closed form. The cost is O(J(L² + L p²)) for p states."""
+    """Compute ν_j² (J,) of a stationary process from its state space, at O(J(L² + L p²)) for p states.
+
+    The recursion propagates −½E(V_{t+k} − V_t)² of scaling coefficients V: values up to the filter length L, then the
+    last component of −(A^k d), with the transition A over 2^j samples and, against cancellation, the accumulated
+    difference. Rounding grows to 2^j only if the spectrum vanishes at f = 0 (quantization noise has its own form)."""
     p, reach = space.states, filter.length
     a = np.zeros((p + 1, p + 1))
     a[:p, :p], a[p, :p], a[p, p] = space.F, space.H[0] @ (np.eye(p) - space.F), 1.0
@@ -224,8 +213,7 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
         far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
         sequence = np.append(near, -_last(a, far, 2 * reach))
         values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
-        # A constant does not change ν². It is subtracted, because a large constant would lose digits after the
-        # covariance has decayed.
+        # A constant does not change ν², but it would lose digits after the covariance has decayed.
         shift = sequence[reach]
         sequence, tail[p] = sequence - shift, tail[p] + shift
         near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
@@ -249,8 +237,7 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute the wavelet variances Σ_k r_j(k) c(k) (J,) from an autocovariance c at lags 0 … `lags_needed` − 1, known
-    up to a constant."""
+    """Compute Σ_k r_j(k) c(k) (J,) from c, up to a constant, at lags 0 … `lags_needed` − 1."""
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))

@@ -1,16 +1,12 @@
 """Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
 
-Let K(m) be the generalised covariance of the running sum of a process, and h_j = 2^(j−1) the half-scale of level j:
+With the generalised covariance K(m) of the running sum, and half-scales h_j = 2^(j−1):
 
     2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a),
 
-where a takes the values 0, h_j, 2h_j and b the values 0, h_k, 2h_k, each with the weights c = (1, −2, 1). The nine
-terms cancel almost completely in double precision. Therefore the second difference over the finer level is computed
-first: D(m) = Σ_a c_a K(m + a) has a short closed form in y = |m + h_j|, and the sum is
-D(u) − 2 D(u − h_k) + D(u − 2 h_k). `cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers,
-because Gauss rules compute the sums over lags. A kink is a lag at which the covariance is not smooth, and each rule
-covers an interval between two kinks.
-"""
+a in 0, h_j, 2h_j and b in 0, h_k, 2h_k with weights c = (1, −2, 1). The nine terms nearly cancel, so D(m) = Σ_a c_a K(m
++ a) has a closed form in y = |m + h_j| (`cpp/src/differences.cpp`), and the sum is D(u) − 2 D(u − h_k) + D(u − 2 h_k).
+Lags can be real, for Gauss rules between kinks, lags without smoothness."""
 
 from __future__ import annotations
 
@@ -33,9 +29,8 @@ class HaarTheory:
     """Part of the theory of a `Process`: covariances of Haar wavelet coefficients."""
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) (n,) of Haar wavelet coefficients, in u². Each of the
-        n entries of `at` has a pair of levels j ≤ k, given by the half-scales `fine` = 2^(j−1) and `coarse` = 2^(k−1),
-        and a `lag` u. The default uses the autocovariance at the lags up to `memory`."""
+        """Compute 2^(j+k) Cov(W_{j,t}, W_{k,t+u}) (n,), in u², for the entries of `at`: half-scales `fine` = 2^(j−1)
+        and `coarse` = 2^(k−1), j ≤ k, and lag u. The default uses the autocovariance up to `memory`."""
         process = cast("Process", self)
         lags = self.memory(rate) if process._gives("memory") else None
         if lags is None:
@@ -43,27 +38,23 @@ class HaarTheory:
         return haar_covariance.short_memory(at, process.autocovariance(np.arange(lags + 1), rate))
 
     def exponential_sum(self, rate: float) -> ExponentialSum | None:
-        """Return the covariance of the running sum as a sum of exponentials, if it has this form: covariances of
-        wavelet variances are then in closed form. The class that defines the covariance must define it. The default
-        uses the autocovariance up to `memory`."""
+        """Return the running sum's covariance as exponentials, for closed forms, if the class itself defines the
+        covariance; by default from the autocovariance up to `memory`."""
         process = cast("Process", self)
         lags = self.memory(rate) if process._gives("memory") and not process._gives("coefficient_covariance") else None
         return None if lags is None else ExponentialSum.of_table(process.autocovariance(np.arange(lags + 1), rate))
 
     def exponential_mixture(self, rate: float, samples: int) -> ExponentialSum | None:
-        """Return a sum of exponentials that approximates a process without `exponential_sum`, if any, to 1e-9 of the
-        covariances of Haar coefficients for up to `samples` samples."""
+        """Return exponentials for a process without `exponential_sum`, if any, to 1e-9 of covariances for `samples`."""
         return None
 
     def memory(self, rate: float) -> int | None:
-        """Return the lag L beyond which the autocovariance is negligible, apart from exponentials with rates `decays`.
-        It is 0 if `coefficient_covariance` is a closed form, and None if L is unknown or exceeds
-        `short_memory.LONGEST_LAGS`. For None, the covariance of wavelet variances takes seconds at 10^6 samples."""
+        """Return the lag L beyond which the autocovariance is negligible, but for `decays`; 0 for closed forms, None
+        above `short_memory.LONGEST_LAGS` or if unknown: covariances then take seconds at 10^6 samples."""
         return 0 if cast("Process", self)._gives("coefficient_covariance") else None
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Return the decay rates (per sample) of exponentials in `coefficient_covariance`; < 0 for alternating
-        signs."""
+        """Return the decay rates (per sample) of exponentials in `coefficient_covariance`; < 0 if alternating."""
         return ()
 
 
@@ -75,12 +66,9 @@ Pieces = tuple[Indices, Indices, Indices, Vector]
 class LagGrid:
     """Pairs of levels j ≤ k and lags u (samples) at which covariances of wavelet coefficients are computed.
 
-    `fine` and `coarse` (n,) are the half-scales h_j and h_k. `odd` marks the nodes that represent odd lags of an
-    alternating covariance. `known` and `recent` cache covariances by class and shape: of fixed shapes, and of the
-    shapes that were used last (None after one use). `whole` is the grid of which this one has the first nodes.
-    `pieces` are the groups of adjacent nodes of a pair of levels without a kink: the first node of each group, its
-    pattern of offsets, the index at which each pattern begins, and the offsets of all patterns.
-    """
+    `fine` and `coarse` (n,) are h_j and h_k; `odd` nodes are odd lags of alternating covariances. `known` and `recent`
+    cache covariances of fixed and of last shapes (None after one use). `whole` is the grid that begins with these
+    nodes. `pieces` are groups of nodes without a kink: first nodes, patterns, their begins, all offsets."""
 
     fine: Vector
     coarse: Vector
@@ -122,22 +110,15 @@ def quantization(at: LagGrid) -> Vector:
 
 
 def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
-    """Compute the covariances (n,) for r(0), …, r(L), which is 0 at longer lags: those of white noise of equal density
-    at f = 0, except near the kinks, where a table is used."""
+    """Compute covariances (n,) of a short r(0), …, r(L): white noise of equal density, or near kinks a table."""
     return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
 
 
 def power(at: LagGrid, exponent: float) -> Vector:
     """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`. K(m) = m² (|m|^ε − 1)/(2(2^ε −
     1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0."""
-    scale, out = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))), np.empty(at.lag.size)
-    # In blocks of 2¹⁴ nodes, because the series needs some twenty arrays of their size.
-    for begin in range(0, out.size, 1 << 14):
-        block = slice(begin, begin + (1 << 14))
-        fine, coarse = np.asarray(at.fine[block], dtype=np.float64), at.coarse[block]
-        middle = (at.lag[block] + fine - coarse) / fine
-        out[block] = scale * fine ** (2.0 + exponent) * self_similar.second_bend(coarse / fine, middle, exponent)
-    return out
+    scale = 0.5 * float(self_similar.unit_factor(np.asarray(exponent)))
+    return scale * _core.power_differences(at.fine, at.coarse, at.lag, exponent, self_similar.binomials(exponent))
 
 
 def exponential(at: LagGrid, decay: float) -> Vector:
@@ -152,8 +133,7 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Compute the covariances (n,) for the autocovariance (−1)^k e^(−λ|k|) with λ = `decay`. They are a sum of nine
-    terms, from which the constants that cancel are removed analytically."""
+    """Compute covariances (n,) of (−1)^k e^(−λ|k|), nine terms without the constants that cancel."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
     # If the grid does not mark odd lags, all nodes are integers.

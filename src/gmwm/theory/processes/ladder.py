@@ -1,18 +1,13 @@
 """State spaces of power-law noise and Matérn processes, as sums of Gauss-Markov processes.
 
-The correlation times of the Gauss-Markov processes differ by factors of 8. The spectrum |ω|^(−α), 0 < α < 2, is a
-mixture of the spectra 2bs²/(b² + ω²) of Gauss-Markov processes with all reciprocal correlation times b:
+Correlation times differ by factors of 8. |ω|^(−α), 0 < α < 2, mixes the spectra of all reciprocal times b:
 
     ∫ s²(b) 2b/(b² + ω²) db/b ∝ |ω|^(−α)   for   s²(b) ∝ b^(1−α).
 
-Similarly, (β² + ω²)^(−p), 0 < p < 1, is a mixture of 1/(b² + ω²) with b² = β² (1 + g) over all g > 0. The trapezoidal
-rule over ln b or ln g turns the mixture into a sum. Its relative error decreases as 2 exp(−π²/h) with the step h of
-ln b, because the integrand is analytic up to the imaginary part ±π/2 (Trefethen and Weideman 2014,
-SIAM Review 56, 385-458). Processes that are
-faster than the sampling rate add up to white noise, and processes that are slower than the recording act as one
-process. The variances of both are geometric series, so that all variances are smooth functions of α and of the
-smoothness.
-"""
+(β² + ω²)^(−p), 0 < p < 1, mixes 1/(b² + ω²) with b² = β² (1 + g) over g > 0. The trapezoidal rule in ln b or ln g has
+the relative error 2 exp(−π²/h) for steps h, as the integrand is analytic up to ±π/2 (Trefethen and Weideman 2014, SIAM
+Review 56, 385-458). Processes faster than sampling add up to white noise, slower than the recording to one. Their
+variances are geometric series, so all are smooth in α and smoothness."""
 
 from __future__ import annotations
 
@@ -41,15 +36,12 @@ SMOOTHEST = 5.0  # Largest smoothness of a Matérn process. A larger one has mor
 
 @lru_cache(maxsize=256)
 def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
-    """Return the state spaces, in discrete and in continuous time, of power-law noise with ν_1² = 1, at 1 Hz. In
-    discrete time, the Gauss-Markov processes are averaged over each sampling interval, because the noise is. Their mean
-    depends on the noise within the interval, which is an additional state. The states are combinations of the
-    Gauss-Markov processes with this noise, so that F is diagonal. In continuous time, white noise replaces the fastest
-    processes, because a discretisation samples the states and does not average them. `epsilon`: ε = α − 1, from −1 to
-    1."""
+    """Return discrete and continuous state spaces of power-law noise, ν_1² = 1, at 1 Hz, for ε = `epsilon` = α − 1.
+
+    In discrete time, GM processes are averaged over each interval, as the noise is; the noise within is one more state,
+    and F is diagonal. In continuous time, white noise replaces the fastest: a discretisation samples states."""
     alpha = 1.0 + epsilon
-    # The slowest process has a correlation time of at least 2^(BAND + 5) samples, so that it acts as a random walk over
-    # 2^BAND samples.
+    # The slowest time is at least 2^(BAND + 5) samples, so that it is a random walk over 2^BAND.
     count = 1 + math.ceil((math.log(FASTEST_RATE) + (LADDER_OCTAVES + 5) * math.log(2.0)) / STEP)
     b = FASTEST_RATE * np.exp(-STEP * np.arange(count))
     # The density of the mixture at which the Allan variance is 2 n^ε is κ α(1 + α)/Γ(2 − α). At the ends, α = 0 and 2,
@@ -73,13 +65,11 @@ def power_law(epsilon: float) -> tuple[StateSpace, ContinuousStateSpace]:
 
 
 def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
-    """Return the state space of a sum of Gauss-Markov processes, with reciprocal correlation times `b` and variances
-    `s2`, averaged over intervals of length 1, and `white` noise."""
+    """Return the state space of GM processes averaged over unit intervals, and `white` noise."""
     decay, lost = np.exp(-b), -np.expm1(-b)
     mean = lost / b
     direct = 2.0 * (b - lost) / b**2 - mean**2
-    # b (1/sample) below which the variance of the mean over a sampling interval is computed from a series, with a
-    # relative error below 1e-8.
+    # b (1/sample) of a series for the variance of interval means, with a relative error below 1e-8.
     near = b < 1e-2
     direct[near] = b[near] * (2.0 / 3.0 - b[near] * (0.5 - b[near] * (7.0 / 30.0 - b[near] / 12.0)))
     within, shared = float(s2 @ direct), s2 * lost**2 / b
@@ -100,11 +90,10 @@ def _average(b: Vector, s2: Vector, white: float) -> StateSpace:
 
 @lru_cache(maxsize=256)
 def matern(unit: float, nu: float) -> ContinuousStateSpace:
-    """Return the state space of a Matérn process of variance 1, at 1 Hz. Its spectrum (β² + ω²)^(−ν−½) is the product
-    of (β² + ω²)^(−p), 0 < p ≤ 1, which is a mixture of Gauss-Markov processes, and of several factors 1/(β² + ω²). Each
-    factor is a Gauss-Markov process that is driven by the output of the factor before. For ν = ½, 3/2, 5/2, … the
-    mixture is a single process, and the state space is exact. `unit`: β per sample. `nu`: smoothness, at most
-    `SMOOTHEST`."""
+    """Return the state space of a Matérn process of variance 1, at 1 Hz, β = `unit` per sample, ν up to `SMOOTHEST`.
+
+    (β² + ω²)^(−ν−½) is a mixture of GM processes, 0 < p ≤ 1, times factors 1/(β² + ω²), each GM driven by the one
+    before. It is exact for ν = ½, 3/2, 5/2, …"""
     from scipy.linalg import solve_continuous_lyapunov
 
     chain = max(0, math.ceil(nu - 0.5))
@@ -119,8 +108,7 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
     last = g[-1] ** (1.0 - p) * (step * sine / math.expm1(step * (1.0 - p)) if p < 1.0 else 1.0)
     b = unit * np.sqrt(1.0 + np.append(g, 0.0))
     drive = np.append(weight, last)
-    # Each process has the spectrum drive/(b² + ω²); the density of the white noise is the sum of drive/b² over all
-    # faster processes.
+    # Processes have drive/(b² + ω²), and the white noise the sum of drive/b² over faster ones.
     white = sine * step * g[0] ** -p / math.expm1(step * p) if p < 1.0 else 0.0
     # For p = 1, sin πp is a rounding error.
     able = drive > 1e-12 * last
@@ -152,9 +140,8 @@ def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: floa
 
 
 def start_at_zero(process: Process, rate: float) -> StateSpace:
-    """Return the state space in which the noise starts at zero, as a random walk does, so that all slow noise of the
-    same curve has the same start. Oscillations, whose phase is not known, and noise without poles, which has no slow
-    part, start in their stationary state."""
+    """Return a state space that starts at zero, as a walk does, so that slow noise of one curve starts alike.
+    Oscillations (unknown phase) and noise without poles (no slow part) start stationary."""
     space = process.state_space(rate)
     if not process.scale or process.oscillation() is not None or not np.any(np.linalg.eigvals(space.F)):
         return space
@@ -167,13 +154,7 @@ def start_at_zero(process: Process, rate: float) -> StateSpace:
 
 
 def state_space_error(process: Process, rate: float) -> float:
-    """Return the largest relative error, at 1, 2, 4, …, 2^22 samples, of the Allan deviation of the state space of a
-    process.
-
-    >>> from gmwm import FN
-    >>> round(state_space_error(FN(b2=1.0), rate=100.0), 4)
-    0.0055
-    """
+    """Return the largest relative error of the state space's Allan deviation at 1, 2, 4, …, 2^22 samples."""
     if not process.approximate or process.scale == 0:
         return 0.0
     implied = 2.0 * process.state_space(rate).haar_variance(LADDER_OCTAVES + 1)

@@ -1,10 +1,7 @@
 """Theory of linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, for any orders.
 
-Every covariance is computed from sums over the recursion. The kernels represent these sums as polynomials modulo
-φ(B)Φ(B^s) in double-double arithmetic, so roots can be arbitrarily close to the unit circle and levels arbitrarily
-high. The remaining error comes from rounding of the coefficients: a number in double precision near 1 determines the
-distance δ of a root from the unit circle with a relative error of 1e-16/δ.
-"""
+Covariances are sums over the recursion, as polynomials modulo φ(B)Φ(B^s) in double-double arithmetic, for any root and
+level. Double-precision coefficients limit a root's distance δ from the unit circle to a relative error of 1e-16/δ."""
 
 from __future__ import annotations
 
@@ -44,8 +41,7 @@ _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
 _BRIEF, _SMALL = 0.3, 1e-4
-"""Modulus of a root below which its exponential is part of a table, and the same limit for the power of the modulus by
-which the amplitude of the exponential is divided."""
+"""Moduli below which a root is part of a table, and for the power that divides its amplitude."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -158,8 +154,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Return artanh of the partial autocorrelations (n, q) of each polynomial, with −θ for θ or Θ; NaN if
-        undefined."""
+        """Return artanh of partial autocorrelations (n, q) of each polynomial, −θ for θ or Θ; NaN if undefined."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -186,8 +181,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return ends
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute r(k) (u²) = Σ φ_i r(k − i), beyond the degree of θ(B)Θ(B^s), with the coefficients φ_i of
-        φ(B)Φ(B^s)."""
+        """Compute r(k) (u²) = Σ φ_i r(k − i), φ_i of φ(B)Φ(B^s), beyond the degree of θ(B)Θ(B^s)."""
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
@@ -206,8 +200,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
 
     def memory(self, rate: float) -> int | None:
-        """Return the lag at which the autocovariance, without slow real roots, is negligible; None if it is too
-        large."""
+        """Return the lag at which the autocovariance without slow real roots is negligible; None if too large."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         return None if tail is None else tail.lags
 
@@ -217,8 +210,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return () if tail is None else tail.decays
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar coefficients (u²): slow real roots in closed form, the others by a
-        table."""
+        """Compute covariances (n,) of Haar coefficients (u²): slow real roots in closed form, others by a table."""
         tail = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
         if tail is None:
             raise self.missing("coefficient_covariance")
@@ -244,8 +236,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space with the stationary states Z_t, Z_{t−1}, …: φ(B) Φ(B^s) Z_t = ε_t, X_t = θ(B) Θ(B^s)
-        Z_t."""
+        """Return the state space of stationary states Z_t, …: φ(B) Φ(B^s) Z_t = ε_t, X_t = θ(B) Θ(B^s) Z_t."""
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -258,9 +249,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         start = self.scale * r[np.abs(np.subtract.outer(np.arange(size), np.arange(size)))]
         return StateSpace(F=transition, Q=noise, H=seen, P0=start)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_rate(rate)
         n, count = as_paths(n, paths)
@@ -299,8 +288,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.concatenate([[1.0], -phi]), np.concatenate([[1.0], theta])
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the coefficients of φ(B)Φ(B^s) and θ(B)Θ(B^s), and, to start a simulation, the coefficients of the
-        best linear predictors of lower orders and the standard deviations of their errors for σ² = 1."""
+        """Return φ(B)Φ(B^s) and θ(B)Θ(B^s), and predictors of lower orders with errors for σ² = 1, for simulations."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -325,8 +313,7 @@ def _largest_root(values: tuple[float | None, ...]) -> float:
 def _band_numbers(
     kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
 ) -> tuple[Physical, ...]:
-    """Return the density N, the bandwidth and the resonance for innovation variance 1, with derivatives by the `free`
-    coefficients."""
+    """Return density N, bandwidth and resonance for innovation variance 1, with derivatives by `free` ones."""
     at, process = np.array(parameters), kind.standard(parameters)
     slopes = {kind.scale_parameter().name: 0.5}
     moved: dict[str, Density] = {}
@@ -355,8 +342,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
     apart = np.array([real[k] and _lasting(abs(root)) > 64 for k, root in enumerate(roots)], dtype=np.bool_)
     for k in np.flatnonzero(apart):
         others = np.concatenate([np.delete(roots, k), rational.roots(season) if period == 1 else []])
-        # Smallest distance of a root with a closed form from all other roots, relative to its distance from the unit
-        # circle.
+        # Distance of a root with a closed form from others, over its distance from the unit circle.
         apart[k] = not seasonal_p and np.all(np.abs(others - roots[k]) > 0.1 * (1.0 - abs(roots[k])))
     size = np.concatenate([np.abs(roots[~apart]), slow])
     reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
@@ -372,8 +358,7 @@ def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[floa
 
 @lru_cache(maxsize=64)
 def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ExponentialSum | None:
-    """Return exponentials of lasting roots and a table for innovation variance 1; None if roots nearly coincide or the
-    table is too long."""
+    """Return exponentials of lasting roots and a table; None if roots nearly coincide or the table is too long."""
     # Autocovariance, relative to the largest value of a table, that is left out at its end.
     negligible = 1e-14
     p, q, seasonal_p, seasonal_q, period = orders
@@ -394,12 +379,10 @@ def _exponential_sum(orders: tuple[int, int, int, int, int], parameters: tuple[f
     _core.arma_without(orders, values, np.array([upper.real, upper.imag]), rows, table)
     amplitudes, decays = rows[0] + 1j * rows[1], rows[2] + 1j * rows[3]
     variance = abs(float(table[0] + amplitudes.real.sum()))
-    # Largest amplitude of an exponential, relative to the variance. Larger amplitudes belong to roots that nearly
-    # coincide, and their sums lose more than six digits.
+    # Larger relative amplitudes belong to roots that nearly coincide, and lose more than six digits.
     if not np.all(np.isfinite(rows)) or np.abs(amplitudes).max(initial=0.0) > 1e6 * variance:
         return None
-    # White noise far below a variance that alternates is the largest part at most scales.
-    # Autocovariance, relative to the variance, that is a rounding error of double-double arithmetic.
+    # White noise far below an alternating variance matters at most scales. 1e-26 is the rounding of double-double.
     felt = np.flatnonzero(np.abs(table) > max(negligible * np.abs(table).max(), 1e-26 * variance))
     remainder = ExponentialSum.of_table(table[: felt[-1] + 1]) if felt.size else ExponentialSum()
     return replace(remainder, amplitudes=amplitudes, decays=decays, bare=np.zeros(upper.size, dtype=np.bool_))

@@ -58,8 +58,7 @@ class _DecayCoordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """Return the search branch φ = ±e^(−λ) of an AR1, with a larger smallest λ than GM, because φ near 1 has a limited
-    resolution."""
+    """Return the branch φ = ±e^(−λ) of an AR1, with larger λ than GM, as φ near 1 has a limited resolution."""
     along = _DecayCoordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -162,9 +161,7 @@ class _Markov(Process, abstract=True):
             return ()
         return (Remark.of("few-correlation-times", term=term, count=float(times), least=FEW_TIMES),)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n)."""
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))
@@ -175,17 +172,14 @@ class _Markov(Process, abstract=True):
 
 
 def _draw(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
-    """Draw marginal variances s² and coefficients φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
+    """Draw marginal variances s² and φ (draws, 2) by Algorithm 3 of Balamuta et al. (see `Sampled`).
 
-    The condition of a draw is `occasion.first` plus `number`, the number of earlier Markov terms. φ₋ (`before`) is the
-    φ drawn for the last of these terms, or 0, U(a, b) is a uniform random number, and u is drawn from U(0, 1).
+    The condition is `occasion.first` plus the `number` of earlier Markov terms; φ₋ (`before`) is the last one's φ, or
+    0, and u is uniform.
 
     - In condition 1, φ = (1 − √(1 − u))/5.
-    - In condition 2, φ is drawn from U(max(0.9, φ₋), φ_max) and σ² from U(0, σ̂_T²(1 − φ²)/100).
-    - In all other conditions, φ = (φ_max − φ₋)√(1 − u) + φ₋.
-
-    Except in condition 2, σ² is drawn from U(½, 1) σ̂_T²(1 − φ)². The marginal variance is s² = σ²/(1 − φ²).
-    """
+    - In condition 2, φ is from U(max(0.9, φ₋), φ_max) and σ² from U(0, σ̂_T²(1 − φ²)/100).
+    - Otherwise, φ = (φ_max − φ₋)√(1 − u) + φ₋. Except in 2, σ² is from U(½, 1) σ̂_T²(1 − φ)²; s² = σ²/(1 − φ²)."""
     # Largest φ of the starting values in Algorithm 3 of Balamuta et al. (see `Sampled`).
     fastest_drawn = 0.999995
     condition = occasion.first + number
@@ -242,10 +236,7 @@ class AR1(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Compute the derivatives ∂ν²/∂φ (n, J, 1) for innovation variance 1.
-
-        They are exact for the Haar filter, and finite differences for other filters.
-        """
+        """Compute ∂ν²/∂φ (n, J, 1) for innovation variance 1: exact for Haar, otherwise by finite differences."""
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential_sum.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
@@ -281,10 +272,7 @@ class AR1(_Markov):
         return 0.0 if phi == 0 else float(1.0 / (rate * exponential_sum.log_decay(np.array([phi]))[0]))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Return the correlation time T_c and the driving noise density q_c of the Gauss-Markov process with this φ.
-
-        φ = e^(−Δt/T_c). For φ ≤ 0 there is no such process and nothing is returned.
-        """
+        """Return T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0."""
         s2, _, lam = self._pole(as_rate(rate))
         if not self.value("phi") > 0:
             return ()
@@ -383,8 +371,7 @@ class GM(_Markov):
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Return T_c and q_c with their derivatives `time` and `walk`; for τ ≪ T_c the process acts as a random walk with K
-    = q_c."""
+    """Return T_c and q_c with derivatives `time` and `walk`; for τ ≪ T_c it acts as a walk with K = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

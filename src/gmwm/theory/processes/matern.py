@@ -31,8 +31,7 @@ NEGLIGIBLE_CORRELATION = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class ShortMemory:
-    """Autocovariance for scale coefficient 1: a table r(0), …, r(L), and exponentials Σ a e^(−λ|k|), or (−1)^k
-    e^(−|λ|k) for λ < 0."""
+    """Autocovariance for scale 1: a table r(0), …, r(L), and Σ a e^(−λ|k|), or (−1)^k e^(−|λ|k) for λ < 0."""
 
     autocovariance: Vector
     amplitudes: tuple[float, ...] = ()
@@ -134,19 +133,13 @@ class MAT(Process):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return the distance (n, 2) of β and ν from the ends of their domains, limited to 0.25 for ν.
-
-        The limit keeps steps of ν small, because the wavelet variance of a slow process changes by orders of magnitude
-        with ν.
-        """
+        """Return the distance (n, 2) of β and ν from their domains' ends, at most 0.25 for ν, with which the variance
+        of a slow process changes by orders of magnitude."""
         return np.minimum(super().room(nonlinear), [math.inf, 0.25])
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (2, 2) of the coordinates of starting values.
-
-        β ranges from the reciprocal of the duration of the recording to the sampling rate, and ν from 0.1 to 3.
-        """
+        """Return ranges (2, 2) of starts: β from 1/duration to the sampling rate, and ν from 0.1 to 3."""
         smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
         return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
 
@@ -184,10 +177,8 @@ class MAT(Process):
         return None if tail is None else ExponentialSum.of_table(self.scale * tail.autocovariance)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Compute the Allan variance (σ²/n²) Σ_k w_k M(βkΔt) of clusters of n samples; M is the Matérn correlation.
-
-        The weights are w_0 = n, w_k = 2n − 3k for 1 ≤ k ≤ n, and w_k = k − 2n for n < k ≤ 2n.
-        """
+        """Compute the Allan variance (σ²/n²) Σ_k w_k M(βkΔt) of n samples, with the Matérn correlation M, w_0 = n, w_k
+        = 2n − 3k for 1 ≤ k ≤ n, and w_k = k − 2n for n < k ≤ 2n."""
         n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
 
         def known(k: Vector) -> Matrix:
@@ -204,20 +195,11 @@ class MAT(Process):
         result = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
         return np.asarray(self.scale * result.reshape(n.shape))
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with a stationary start, an array (n,) or (paths, n).
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
+        """Simulate Gaussian sample paths (n,) or (paths, n) with a stationary start, exactly.
 
-        The simulation is exact. Short paths use a square root of the covariance matrix; longer paths use circulant
-        embedding. The circulant matrix covers lags up to the path length if the autocovariance is convex (ν ≤ ½), and
-        otherwise up to the lag at which the autocovariance becomes negligible.
-
-        Raises
-        ------
-        MissingTheoryError
-            If the embedding needs more than 2^25 samples.
-        """
+        Short paths use a root of the covariance, longer ones circulant embedding, for lags up to the path (ν ≤ ½,
+        convex) or until the autocovariance is negligible. Raises MissingTheoryError beyond 2^25 samples."""
         n, count = as_paths(n, paths)
         rate, generator, size = as_rate(rate), as_rng(rng), math.sqrt(self.scale)
         if n <= _SHORT:
@@ -228,15 +210,8 @@ class MAT(Process):
         return np.asarray(draws.reshape(shape_of_paths(n, paths)))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Return the state space as a sum of Gauss-Markov processes; see the module `ladder`.
-
-        If ν > ½, these processes drive further Gauss-Markov processes.
-
-        Raises
-        ------
-        MissingTheoryError
-            If ν is larger than 5.
-        """
+        """Return the state space of Gauss-Markov processes, which drive others if ν > ½ (`ladder`); MissingTheoryError
+        for ν > 5."""
         return self.continuous(rate).discrete(rate)
 
     def continuous(self, rate: float) -> ContinuousStateSpace:

@@ -438,9 +438,7 @@ class Model(KalmanMethods):
 
         return loglikelihood(self, data, rate, mean=mean)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths of the sum, an array (n,), or (paths, n) if `paths` is given.
 
         Stationary terms start in their stationary distribution.
@@ -480,8 +478,6 @@ class Model(KalmanMethods):
     def drawing_order(self) -> list[str]:
         """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
         return [label for _, label in sorted((str(p), t) for t, p in self._by_label())]
-
-    # --- algebra and text -----------------------------------------------------------------------------
 
     def __add__(self, other: Process | Model) -> Model:
         if not isinstance(other, (Process, Model, type)):
@@ -561,11 +557,7 @@ ModelLike = Model | Process | str  # types that are accepted as a model
 
 
 def as_model(model: Any, name: str = "model") -> Model:
-    """Convert a model, a single process, the text of a sum, or a result with a `model` to a Model.
-
-    >>> as_model("GM + WN")
-    Model('GM + WN')
-    """
+    """Convert a model, a single process, the text of a sum, or a result with a `model` to a Model."""
     if isinstance(model, Model):
         return model
     if isinstance(model, Process):

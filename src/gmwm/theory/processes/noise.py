@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
@@ -68,10 +68,7 @@ class WN(Process):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw σ² uniformly from σ̂_T²/2 to σ̂_T² if white noise dominates, and else from σ̂_T²/10⁵ to σ̂_T²/10.
-
-        σ̂_T² is the `total` of `Occasion`.
-        """
+        """Draw σ² uniformly from ½ to 1 σ̂_T² (`total`) if white noise dominates, else from σ̂_T²/10⁵ to σ̂_T²/10."""
         low, high = (0.5, 1.0) if occasion.dominant == "white" else (1e-5, 0.1)
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
@@ -88,19 +85,14 @@ class WN(Process):
         return np.full(as_frequencies(frequencies, as_rate(rate)).shape, self.scale / rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
-
-        They are piecewise linear in the lag, and 0 if the coefficients use no common samples.
-        """
+        """Compute covariances (n,) of Haar coefficients (u²): piecewise linear in the lag, 0 without common samples."""
         return self.scale * haar_covariance.white(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum:
         """Return the density σ² of the white noise."""
         return ExponentialSum(white=self.scale)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -141,19 +133,12 @@ class QN(Process):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Draw Q² uniformly from σ̂_T²/8 to σ̂_T²/3 if quantization noise dominates, and else from σ̂_T²/(2·10⁵) to
-        σ̂_T²/100.
-
-        σ̂_T² is the `total` of `Occasion`.
-        """
+        """Draw Q² uniformly from σ̂_T²/8 to σ̂_T²/3 (`total`) if it dominates, else from σ̂_T²/(2·10⁵) to σ̂_T²/100."""
         low, high = (1 / 8, 1 / 3) if occasion.dominant == "quantization" else (5e-6, 0.01)
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance of the running sum, which is Q² at lag 0 and 0 at other lags.
-
-        The running sum is e_t up to a constant.
-        """
+        """Compute the generalised covariance of the running sum e_t + const: Q² at lag 0, and 0 at other lags."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -162,10 +147,7 @@ class QN(Process):
         return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
-
-        For each pair of levels, they are nonzero at nine lags at most.
-        """
+        """Compute covariances (n,) of Haar coefficients (u²), nonzero at nine lags at most for a pair of levels."""
         return self.scale * haar_covariance.quantization(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum:
@@ -189,9 +171,7 @@ class QN(Process):
             F=[[0.0, 0.0], [1.0, 0.0]], Q=[[q2, 0.0], [0.0, 0.0]], H=[1.0, -1.0], P0=[[q2, 0.0], [0.0, q2]]
         )
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate sample paths with uniform rounding errors, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
@@ -260,11 +240,8 @@ class RW(Process):
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Compute the covariances (n,) of Haar wavelet coefficients (u²).
-
-        They are second differences of K(m) = γ²(|m|³ − |m|)/12 over both half-scales. They are piecewise cubic in the
-        lag, and 0 if the coefficients use no common samples.
-        """
+        """Compute covariances (n,) of Haar coefficients (u²): second differences of K(m) = γ²(|m|³ − |m|)/12 over both
+        half-scales, piecewise cubic in the lag, 0 without common samples."""
         return self.scale * haar_covariance.walk(at)
 
     def exponential_sum(self, rate: float) -> ExponentialSum:
@@ -272,10 +249,7 @@ class RW(Process):
         return ExponentialSum(walk=self.scale)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Compute the pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), which is infinite at f = 0.
-
-        It is valid for filters whose coefficients sum to 0.
-        """
+        """Compute the pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), infinite at 0, for filters whose coefficients sum to 0."""
         f = as_frequencies(frequencies, as_rate(rate))
         with np.errstate(divide="ignore"):
             density = 1.0 / (4.0 * rate * np.sin(np.pi * f / rate) ** 2)
@@ -286,9 +260,7 @@ class RW(Process):
         gamma2 = self.scale
         return StateSpace(F=1.0, Q=gamma2, H=1.0, P0=gamma2, diffuse=[True])
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate Gaussian sample paths, an array (n,) or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -363,9 +335,7 @@ class DR(Process):
         slope = self.value("omega")
         return StateSpace(F=[[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)), H=[1.0, 0.0], m0=[0.0, slope])
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Return the ramp as an array (n,), or (paths, n) with the same ramp in every path."""
         as_paths(n, paths), as_rate(rate), as_rng(rng)
         return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()

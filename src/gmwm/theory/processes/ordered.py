@@ -1,9 +1,6 @@
 """Processes whose number of parameters depends on their orders, such as AR(2).
 
-An ordered process is an abstract class, such as `AR`. The concrete class for given orders is created at its first use
-and cached. It behaves like any other process but is not in the registry, because the number of such classes is
-unlimited.
-"""
+A class for given orders is created at its first use and cached, but not registered, as their number is unlimited."""
 
 from __future__ import annotations
 
@@ -73,9 +70,8 @@ class Polynomial:
 
 
 class Ordered(Process, abstract=True):
-    """Process with orders. A subclass defines the polynomials and the theory for all orders. Create an instance from
-    its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`. Alternatively, give the
-    coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`."""
+    """Process with orders. A subclass defines polynomials and theory. `AR(2)`, `AR(2, phi1=1.4, sigma2=fixed(1.0))` and
+    `AR(phi=[1.4, -0.6], sigma2=1.0)` are instances of `AR.of(2)`."""
 
     polynomials: ClassVar[tuple[Polynomial, ...]]  # the polynomials, in the order of the arguments
     period_name: ClassVar[str | None] = None
@@ -105,8 +101,7 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
-        """Return the class of these orders. Raises ModelError if an order is missing, negative or too large, or all
-        orders are zero."""
+        """Return the class of these orders; ModelError if one is missing, negative or too large, or all are zero."""
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
         if key not in ordered._made:

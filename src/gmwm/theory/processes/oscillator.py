@@ -20,15 +20,13 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
-from gmwm.theory.processes.validation import as_frequencies, as_lags
+from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
-"""Quality factors between which the process is an oscillator. At ½ it no longer oscillates, and a recording of 10⁹
-periods cannot distinguish larger ones from a sinusoid."""
+"""Qualities of an oscillator: at ½ it does not oscillate, and 10⁹ periods do not distinguish a sinusoid."""
 PERIODIC_QUALITY = 2.0
-"""Quality factor from which the process is nearly periodic: its density at low frequencies is less than a quarter of
-that at the peak."""
+"""Quality of nearly periodic processes: density at low frequencies below a quarter of the peak's."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
 
@@ -78,8 +76,7 @@ class OSC(Process):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Return the ranges (2, 2) of the coordinates of starting values: f₀ from one period in the recording to half
-        the sampling rate, and Q from 0.7 to 300."""
+        """Return ranges (2, 2) of starts: f₀ from one period per recording to half the rate, and Q from 0.7 to 300."""
         return np.log([[rate / samples, rate / 2], [0.7 - CRITICAL, 300.0 - CRITICAL]])
 
     @classmethod
@@ -100,8 +97,6 @@ class OSC(Process):
         damping, turn = (natural * part for part in _relative_rates(quality))
         if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
-        if natural.size == 1:
-            return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
         return exponential_sum.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -112,8 +107,7 @@ class OSC(Process):
         return np.asarray(self.scale * np.exp(-damping * t) * (np.cos(angle) + damping * t * np.sinc(angle / np.pi)))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Compute the generalised covariance A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms
-        would cancel otherwise."""
+        """Compute A(m) = r(m) − r(0), at short lags by a series in ω₀t, whose first terms would cancel."""
         x = np.asarray(2.0 * math.pi * self.value("frequency") / as_rate(rate) * np.abs(as_lags(lags)))
         result, near = np.array(self.autocovariance(lags, rate) - self.scale), x < 1.0
         before, last, small = 1.0, 0.0, x[near]  # coefficients of x⁰ and x¹ in r/σ²
@@ -136,6 +130,15 @@ class OSC(Process):
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
         return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Compute the Allan variance (u²) of clusters of n samples, twice the Haar wavelet variance."""
+        n, (damping, turn) = as_clusters(clusters), self._rates()
+        if turn < 1e-3 * math.tau * self.value("frequency"):
+            return super().allan_variance(n, rate)
+        rates = np.array([[damping], [turn]]) / as_rate(rate)
+        shape = exponential_sum.oscillation_shape(rates[0], rates[1], n.ravel().astype(np.float64))
+        return np.asarray(2.0 * self.scale * shape[0].reshape(n.shape))
 
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance is negligible; None if it is too large."""
@@ -172,8 +175,7 @@ class OSC(Process):
         )  # fmt: skip
 
     def correlation_time(self, rate: float) -> float | None:
-        """Return the time Q/πf₀ (s) in which the envelope of the autocovariance decays to 1/e; None if f₀ or Q has no
-        value."""
+        """Return the time Q/πf₀ (s) of decay of the envelope to 1/e; None if f₀ or Q has no value."""
         frequency, quality = self.values["frequency"], self.values["quality"]
         return None if frequency is None or quality is None else quality / (math.pi * frequency)
 
@@ -212,8 +214,7 @@ class OSC(Process):
 
 
 def name_in_text(term: str, process: Process) -> str:
-    """Return the name of a term for readers. A nearly periodic process is named by its frequency, and not by its number
-    in the model.
+    """Return the name of a term for readers; nearly periodic ones are named by frequency, not number.
 
     >>> from gmwm.processes import SIN, WN
     >>> name_in_text("OSC[2]", OSC(frequency=0.5643, quality=90.0, sigma2=1.0)), name_in_text("WN", WN())
@@ -231,13 +232,6 @@ def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
     """Return the damping a and the angular frequency ω, relative to ω₀."""
     ratio = 0.5 / quality
     return ratio, np.sqrt((1.0 - ratio) * (1.0 + ratio))
-
-
-@lru_cache(maxsize=256)
-def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
-    """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
-    h = np.ldexp(1.0, np.array(levels) - 1)
-    return freeze(exponential_sum.oscillation_shape(np.array([damping]), np.array([turn]), h))
 
 
 @lru_cache(maxsize=256)

@@ -193,10 +193,9 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Exponential:
-    """Form of a branch whose processes have exponential autocovariances, which a compiled kernel can search: λ =
-    `bend`·(e^(u − low) − 1 + `least`) for the search coordinate u with the lower end low. `sign` is 1 for e^(−λ|k|),
-    and −1 for (−1)^k e^(−λ|k|). With `innovation`, the parameter is φ and scale coefficient 1 means innovation variance
-    1, as for `AR1`; otherwise they are λ times the rate and marginal variance 1, as for `GM`."""
+    """Branch of exponential autocovariances for the kernel: λ = `bend`·(e^(u − low) − 1 + `least`) for coordinates u
+    from low. `sign` is 1 for e^(−λ|k|), −1 for (−1)^k e^(−λ|k|). `innovation`: φ and innovation variance 1, as for
+    `AR1`; else λ times the rate and marginal variance 1, as for `GM`."""
 
     bend: float
     least: float
@@ -290,15 +289,13 @@ class Physical:
 
 
 Dominant = Literal["quantization", "white", "markov"]
-"""Noise type that dominates the first two levels. From level 1 to level 2 the wavelet variance falls faster than for
-white noise ("quantization"), as fast ("white"), or more slowly ("markov")."""
+"""Noise of the first two levels: steeper than ("quantization"), as ("white") or flatter than white ("markov")."""
 
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """Quantities of the data for Algorithms 2 and 3 of Balamuta et al. (see `Sampled`): `total` is σ̂_T², the sum of
-    the wavelet variances over all levels, `spread` is (max x − min x)/N, `dominant` the noise type of the first levels,
-    and `first` (draws,) the condition, 1 or 2, of Algorithm 3 for the first autoregression of each draw."""
+    """Data for Algorithms 2 and 3 of Balamuta et al. (see `Sampled`): σ̂_T² (`total`, over all levels), `spread` (max x
+    − min x)/N, `dominant` noise, and the condition of each draw's `first` autoregression."""
 
     total: float
     spread: float

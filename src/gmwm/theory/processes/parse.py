@@ -6,13 +6,8 @@
     entry   = order | value | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
-Values without a name are in the order of the parameters, "AR1(0.9, 0.1)"; they must come before values with a name.
-
-A process with orders needs its orders, "ARMA(2, 1, phi1=0.5)", or its coefficients, "AR(phi=[1.4, -0.6])". Orders are
-whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. Upper and lower case of process names
-are not distinguished. `str(model)` returns such a text, in which every value has its
-name.
-"""
+Values without a name come first, in the order of parameters. Orders are whole numbers before them: "AR(2, 1.4, -0.6)";
+"AR(phi=[1.4, -0.6])" gives coefficients instead. Names of processes have any case. `str(model)` names every value."""
 
 from __future__ import annotations
 
@@ -29,13 +24,11 @@ from gmwm.theory.processes.parameter import Fixed, Value
 _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))", re.ASCII
 )
-# Enough for 100 terms of 100 characters. It limits the run time for an invalid text. Pinned by
-# test_a_text_of_a_sum_that_is_no_model.
+# 100 terms of 100 characters, against long run times (test_a_text_of_a_sum_that_is_no_model).
 
 
 def parse_model(text: str) -> Model:
-    """Parse the text of a model in the grammar of the module docstring. Raises ModelError with the position of the
-    error.
+    """Parse a model in the grammar of the module docstring; ModelError states the position of an error.
 
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
@@ -156,8 +149,7 @@ class _ModelParser:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """Read the arguments of a process without leading orders: lists of coefficients, single parameters, or named
-        orders."""
+        """Read arguments without leading orders: lists of coefficients, single parameters, or named orders."""
         arguments: dict[str, Any] = {}
         while not self._take(")"):
             if arguments:

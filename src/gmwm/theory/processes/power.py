@@ -31,9 +31,8 @@ _mixture = lru_cache(maxsize=16)(self_similar.mixture)
 
 
 class PowerLaw(Process, abstract=True):
-    """Continuous-time noise with the spectrum |f|^(−α), −1 < α < 3, averaged over each sampling interval. Its Haar
-    wavelet variance is ν_j² = ν_1² (τ_j/2)^(α−1), and its running sum has the generalised covariance K(m) = ½ν_1² m²
-    (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
+    """Continuous noise with spectrum |f|^(−α), −1 < α < 3, averaged over intervals: ν_j² = ν_1² (τ_j/2)^(α−1), K(m) =
+    ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1) of the running sum, up to a + b m²."""
 
     stationary = False
     approximate = True
@@ -100,8 +99,7 @@ class PowerLaw(Process, abstract=True):
         return None if epsilon > self_similar.STEEPEST else _mixture(epsilon, samples).scaled(first)
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Return a very large and a very small decay rate: a power of the lag is a mixture of all exponentials
-        between."""
+        """Return a very large and a very small rate: a power of the lag mixes all exponentials between."""
         return (2.0, 1e-290)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
@@ -111,11 +109,8 @@ class PowerLaw(Process, abstract=True):
         epsilon, first = self.law
         return np.asarray(first * self_similar.spectrum(np.abs(f) / rate, epsilon) / rate)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
-        """Simulate Gaussian sample paths with the exact covariance, (n,) or (paths, n); for α ≥ 1 by stationary
-        increments."""
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
+        """Simulate exact Gaussian sample paths (n,) or (paths, n); for α ≥ 1 by stationary increments."""
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
@@ -130,8 +125,7 @@ class PowerLaw(Process, abstract=True):
         return StateSpace(F=space.F, Q=first * space.Q, H=space.H, R=first * space.R, P0=first * space.P0)
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return the slow Gauss-Markov processes of `state_space`, without averaging; white noise replaces the fast
-        ones."""
+        """Return `state_space`'s slow Gauss-Markov processes without averaging, and white noise for fast ones."""
         _, smooth = self._ladder()
         size, rate = self.law[1], as_rate(rate)
         return ContinuousStateSpace(

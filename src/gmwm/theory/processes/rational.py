@@ -1,7 +1,4 @@
-"""Stationarity, coordinates, roots and squared modulus of polynomials 1 − a₁z − … − a_n z^n.
-
-Several polynomials of the same degree are given as the rows of an array of coefficients a.
-"""
+"""Stationarity, coordinates, roots and squared modulus of polynomials 1 − a₁z − … − a_n z^n, one per row."""
 
 from __future__ import annotations
 
@@ -32,9 +29,8 @@ Density = Callable[[NDArray[np.float64]], Vector]  # a power spectral density, a
 def band_numbers(
     density: Density, rate: float, slopes: Mapping[str, float], *, free: Mapping[str, Density]
 ) -> tuple[Physical, ...]:
-    """Return the datasheet numbers of a stationary process with a short correlation time from its two-sided `density`
-    (u²/Hz). `slopes` are ∂ ln N / ∂ ln θ, and `free` the densities with each free shape parameter θ multiplied by 1 +
-    `DIFFERENCE_STEP`."""
+    """Return datasheet numbers of a short-memory process from its two-sided `density` (u²/Hz): `slopes` are ∂ ln N / ∂
+    ln θ, `free` densities with θ times 1 + `DIFFERENCE_STEP`."""
     values = _band(density, rate)
     moved = {name: _band(other, rate) for name, other in free.items()}
     numbers = [Physical("N", "white noise density", math.sqrt(_at_zero(density)), 0.5, slopes=slopes)]
@@ -77,8 +73,7 @@ def _band(density: Density, rate: float) -> dict[str, float]:
 
 
 def _peak(density: Density, grid: Vector, values: Vector) -> float:
-    """Return the frequency (Hz) of the highest maximum of a density, by a parabola on a finer grid. A still finer grid
-    would find rounding errors."""
+    """Return the frequency (Hz) of the highest maximum, by a parabola; finer grids would find rounding errors."""
     place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
     fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
     densities = density(fine)
@@ -90,8 +85,7 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
 
 
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
-    """Return the resonance frequency divided by the width of the peak at half its power; None if a side does not fall
-    to half."""
+    """Return the resonance over the width at half power; None if a side does not fall to half."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
     below = grid[density(grid) < HALF_POWER * top]
     low, high = below[below < centre], below[below > centre]
@@ -103,10 +97,8 @@ def _quality(density: Density, rate: float, centre: float, top: float) -> float 
 
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
-    """Return the frequency (Hz) between `inside`, where the density is above `level`, and `outside`, where it is
-    below."""
-    # Number of rounds in the search for a crossing. Each round divides the interval by 64, so the last interval is 2⁻⁵⁴
-    # times as long as the first.
+    """Return the frequency (Hz) between `inside`, with density above `level`, and `outside`, below it."""
+    # Nine rounds of 64 parts make the last interval 2⁻⁵⁴ of the first.
     for _ in range(9):
         grid = np.linspace(inside, outside, 64 + 1)
         first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1
@@ -115,8 +107,7 @@ def _crossing(density: Density, level: float, inside: float, outside: float) -> 
 
 
 def coordinates(rows: Matrix) -> Matrix:
-    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion; NaN if a
-    modulus is at least 1, because the polynomial then has a zero with |z| ≤ 1.
+    """Compute artanh of partial autocorrelations (rows, n), backward Durbin-Levinson; NaN for a zero with |z| ≤ 1.
 
     >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
     [[0.5493], [nan]]
@@ -181,8 +172,7 @@ def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDAr
 def _turns(
     cycles: bytes, shape: tuple[int, ...], order: int
 ) -> tuple[NDArray[np.bool_], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-    """Return whether −1 is nearer to z than 1, and sin and cos of δi/2 for i = 1 … `order`, with the angle δ to the
-    nearer one. The densities of one process, moved by each parameter, are computed at the same frequencies."""
+    """Return whether −1 is nearer to z than 1, and sin, cos of δi/2, δ from the nearer: shared by moved parameters."""
     turned = np.frombuffer(cycles).reshape(shape)
     turned = turned - np.round(turned)
     behind = np.abs(turned) > 0.25

@@ -1,15 +1,11 @@
 """Theory of self-similar noise, whose running sum has a covariance that is a power of the lag.
 
-Continuous-time noise with the spectrum |f|^(−α) is averaged over each sampling interval. The running sum of these means
-has the generalised covariance
+Noise with spectrum |f|^(−α), averaged over each interval, has the running sum's generalised covariance
 
     K(m) = ½ ν_1² κ q(m),   q(m) = m² (|m|^ε − 1)/ε,   κ = ε/(2^ε − 1),   ε = α − 1 between −2 and 2,
 
-up to a + b m², where ν_1² is the Haar wavelet variance at the first level. For ε = 0, q(m) = m² ln|m| and κ = 1/ln 2.
-Multiplying the lag by h multiplies K by h^(ε+2), up to a + b m², so q determines all results of this module. Second
-differences of q use closed forms near 0 and series in 1/m² at longer lags. This avoids cancellation at any lag and for
-any ε.
-"""
+up to a + b m², with the Haar variance ν_1² at level 1; q(m) = m² ln|m|, κ = 1/ln 2 for ε = 0. A lag times h multiplies
+K by h^(ε+2), so q determines all. Closed forms near 0, and series in 1/m² at longer lags, avoid cancellation."""
 
 from __future__ import annotations
 
@@ -75,12 +71,15 @@ def bend(lags: Vector, epsilon: float) -> Vector:
     return out
 
 
+def binomials(epsilon: float) -> Vector:
+    """Compute the numbers (15,) of `falling` that differences of the running sum need."""
+    return np.array(falling(np.asarray(epsilon), _TERMS), dtype=np.float64)
+
+
 def _tail(t: Vector, epsilon: float) -> Vector:
     """Compute Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
-    y, total = 1.0 / (t * t), np.zeros_like(t)
-    for coefficient in reversed(falling(np.asarray(epsilon), _TERMS)):
-        total = (total + float(coefficient)) * y
-    return total
+    y = 1.0 / (t * t)
+    return np.asarray(y * np.polyval(binomials(epsilon)[::-1], y))
 
 
 def power_bend(lags: Vector, epsilon: float) -> Vector:
@@ -93,28 +92,6 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
     out[near] = (x + 1) ** p - 2 * x**p + np.abs(x - 1) ** p
     x = t[~near]
     out[~near] = np.exp(epsilon * np.log(x)) * (p * (1 + epsilon) + 2 * epsilon * _tail(x, epsilon))
-    return out
-
-
-def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Compute the second difference of q by 1 and then by `step` ≥ 1: a covariance of wavelet coefficients of two
-    levels."""
-    t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
-    out = np.empty_like(t)
-    near = t < _NEAR * (1 + r)
-    x, by = t[near], r[near]
-    out[near] = bend(x + by, epsilon) - 2 * bend(x, epsilon) + bend(x - by, epsilon)
-    x, by = t[~near], r[~near]
-    # 4 Σ_s C(2 + ε, 2s)/ε (2s)! t^(2+ε−2s) Σ_{k+i=s} r^(2i)/((2k)!(2i)!): even derivatives of q times powers of steps.
-    derivatives = [float(c) * math.factorial(2 * k) for k, c in enumerate(falling(np.asarray(epsilon), _TERMS), 2)]
-    y, z = 1.0 / (x * x), (by / x) ** 2
-    total = np.zeros_like(x)
-    for i in range(_TERMS, 0, -1):
-        inner = np.zeros_like(x)
-        for k in range(_TERMS + 1 - i, 0, -1):
-            inner = inner * y + derivatives[i + k - 2] / (math.factorial(2 * k) * math.factorial(2 * i))
-        total = (total + inner) * z
-    out[~near] = 4 * np.exp(epsilon * np.log(x)) * total
     return out
 
 
@@ -176,12 +153,10 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
 
 
 def _carry(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
-    """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at levels j = 1 … J, where d is the autocorrelation of the wavelet
-    filter. c_j(k) is the covariance of the input of level j, up to a constant; J is `count`. The smoothing filter maps
-    c_j to c_{j+1}. Values at short lags are stored individually; `near` has those of c_1. At longer lags c_j has the
-    form a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s); `tail` has the coefficients a of c_1. The filter preserves this form, and
-    the even moments of its autocorrelation give the new coefficients. The division at each level keeps the values
-    bounded."""
+    """Compute Σ_k d(k) c_j(k) / 2^((j−1)ε) (n, J) at `count` levels, d of the wavelet filter, c_j of the level's input.
+
+    The smoothing filter maps c_j to c_{j+1}: single values at short lags (`near` for c_1), then a_0 (k^ε − 1)/ε + Σ_s
+    a_s k^(ε−2s) (`tail`), kept by even moments of its autocorrelation. The division keeps values bounded."""
     length, reach = filter.length, _REACH * filter.length
     detail, step, moments = _tables(filter, reach, summed)
     passed = _passages(eps, moments)
@@ -229,9 +204,8 @@ def _passages(eps: Numbers, moments: Vector) -> Numbers:
 
 @lru_cache(maxsize=64)
 def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
-    """Return the tables of a filter for `_carry`: the autocorrelation of the wavelet filter h at lags ≥ 0, the matrix
-    of the step to the next level, and the even moments of the autocorrelation of the smoothing filter g. If `summed`,
-    the filters are (1 − z) h(z) and 2g(z)/(1 + z), for the running sum."""
+    """Return `_carry`'s tables: autocorrelation of h at lags ≥ 0, the step's matrix, and even moments for g; if
+    `summed`, for (1 − z) h(z) and 2g(z)/(1 + z), of the running sum."""
     smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
     if summed:
         smooth, detail = 2.0 * without_zero(filter), np.convolve(detail, [1.0, -1.0])
@@ -247,19 +221,14 @@ def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Ma
     return folded[1], step, np.array([folded[0] @ lags ** (2 * i) for i in range(_TERMS)])
 
 
-# --- mixture of exponentials ----------------------------------------------------------------------------
-
 _STEP = 0.35
-"""Distance of the nodes in ln τ. The relative error of V by the trapezoidal rule is below 1e-10
-(tests/covariance/test_lag_sums.py)."""
+"""Distance of nodes in ln τ: trapezoidal error of V below 1e-10 (tests/covariance/test_lag_sums.py)."""
 STEEPEST = 1.2  # largest ε of a mixture. Beyond it, a random walk and slow exponentials cancel by more than five digits
 
 
 def mixture(epsilon: float, samples: int) -> ExponentialSum:
-    """Return the running sum of noise with ν_1² = 1 as a sum of exponentials, for lags up to `samples`. The gamma
-    integral m^(−s) Γ(s) = ∫ τ^(s−1) e^(−mτ) dτ with s = −2 − ε, discretised in ln τ, is a sum of terms w_i e^(−mτ_i).
-    It diverges at τ = 0, where the sum is continued analytically: the terms in m and m³, which are white noise and a
-    random walk, have geometric sums. Terms in m² and constants do not contribute to wavelet coefficients."""
+    """Return the running sum of noise with ν_1² = 1 as exponentials, for lags up to `samples`: m^(−s) Γ(s) = ∫ τ^(s−1)
+    e^(−mτ) dτ, s = −2 − ε, in ln τ. Terms in m (white) and m³ (walk) continue it analytically at τ = 0."""
     from scipy.special import rgamma
 
     # Relative contribution to wavelet coefficients, of the order (τN)^(2 − ε), below which an exponential is left out.

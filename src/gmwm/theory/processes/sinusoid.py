@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import Integers, Matrix, Vector, as_levels, as_rate
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
@@ -116,17 +116,12 @@ class SIN(Process):
         return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Return a state space with two states that rotate by 2πf₀ per second.
-
-        The states rotate at the alias if f₀ is above half the sampling rate.
-        """
+        """Return two states that rotate by 2πf₀ per second, or at its alias above half the sampling rate."""
         turn = 2.0 * math.pi * self.line(as_rate(rate))[1] * rate
         start = self.scale * np.eye(2)
         return ContinuousStateSpace(A=[[0.0, turn], [-turn, 0.0]], Qc=np.zeros((2, 2)), H=[1.0, 0.0], P0=start)
 
-    def simulate(
-        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
-    ) -> NDArray[np.float64]:
+    def simulate(self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None) -> Vector:
         """Simulate sample paths of fixed amplitude and random phase, an array (n,) or (paths, n)."""
         n, count = as_paths(n, paths)
         turns = self._turns(np.arange(n), as_rate(rate))
@@ -147,14 +142,11 @@ class SIN(Process):
         )  # fmt: skip
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return a remark if the frequency is a multiple of half the sampling rate.
-
-        At even multiples all samples equal A sin U; at odd multiples they alternate between A sin U and −A sin U.
-        """
+        """Return a remark if the frequency is a multiple of half the rate: all samples are then A sin U, or alternate
+        with −A sin U."""
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
-        # If the phase, relative to the multiple, changes by at least half a turn over the recording, the remark does
-        # not apply.
+        # If the phase changes by half a turn over the recording, the remark does not apply.
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
@@ -162,7 +154,7 @@ class SIN(Process):
         facts = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
         return (Remark.of("line-invisible", case="half", term=term, **facts),)
 
-    def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
+    def _turns(self, lags: Integers, rate: float) -> Vector:
         """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""
         below = _fold(np.array(self.value("frequency")), rate)
         # Products of a lag below 2^29 with the first 24 digits are exact.
@@ -170,13 +162,13 @@ class SIN(Process):
         return np.asarray((np.fmod(lags * first, rate) + np.fmod(lags * (below - first), rate)) / rate)
 
 
-def _fold(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+def _fold(frequency: Vector, rate: float) -> Vector:
     """Reduce frequencies (Hz) by multiples of the rate to ±rate/2, without rounding."""
     alias = np.fmod(frequency, rate)
     return np.asarray(np.where(np.abs(alias) > 0.5 * rate, alias - np.copysign(rate, alias), alias))
 
 
-def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
+def _gain(frequency: Vector, levels: Integers, rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
     """Compute |H_j(f)|² (n, J) and its derivative with respect to f."""
     if filter is HAAR:
         return _haar_gain(frequency[:, None], np.ldexp(1.0, levels - 1), rate)
@@ -184,8 +176,7 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt and b = πfΔt, with a reduced without rounding
-    first."""
+    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt (reduced without rounding), b = πfΔt."""
     below = _fold(frequency, rate)
     a, b = np.pi * (_fold(below * half, rate) / rate), np.pi * (below / rate)
     # If the frequency is a multiple of the rate, all samples are equal, and every wavelet filter gives zero.
@@ -198,11 +189,8 @@ def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Ma
     return np.asarray(gain), np.asarray(2.0 * np.pi / rate * ratio**2 * turn)
 
 
-def _any_gain(
-    frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
-) -> tuple[Matrix, Matrix]:
-    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative by f, with half the squared scaling gain G and
-    φ = fΔt."""
+def _any_gain(frequency: Vector, levels: Integers, rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
+    """Compute Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ) and its derivative by f; G half the squared gain, φ = fΔt."""
     gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
     below = _fold(frequency, rate)
     gains = np.empty((frequency.size, int(levels[-1])))
@@ -220,9 +208,8 @@ def _any_gain(
 
 
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
-    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative from cos πφ and sin πφ. The p zeros of g(z) = (1 + z)^p Q(z)
-    at half the sampling rate are factored out to keep full accuracy near them. For filters with 2p taps, R is the
-    polynomial of Daubechies in sin² πφ; otherwise it is |Q|²."""
+    """Compute G(φ) = (4 cos² πφ)^p R(φ) and its derivative; g(z) = (1 + z)^p Q(z) without its zeros stays accurate. R
+    is Daubechies' polynomial in sin² πφ for 2p taps, otherwise |Q|²."""
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
         terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p

@@ -1,12 +1,8 @@
 """Wavelet variances from autocovariances that are smooth functions of the lag, for any filter and level.
 
-The scaling coefficients of level i have the autocovariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the
-autocorrelation of the smoothing filter. The wavelet variance is ν_j² = Σ_n r_h(n) A_{j−1}(n), where r_h is the
-autocorrelation of the wavelet filter. Values at lags up to a few filter lengths are stored individually. At longer
-lags, A_i is interpolated by one polynomial per octave of lags, which is stored as its values at Chebyshev points. A
-step of the recursion is then a small matrix for each octave. All steps are linear in A_0. One adjoint recursion per
-filter expresses each ν_j² as a sum over about twenty lags per level.
-"""
+Level i has A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n) and ν_j² = Σ_n r_h(n) A_{j−1}(n), with autocorrelations of the smoothing
+and the wavelet filter. Beyond a few filter lengths, A_i is a polynomial per octave, at Chebyshev points, so a step is a
+small matrix per octave. One adjoint recursion (all is linear in A_0) sums about twenty lags per level for ν_j²."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector, freeze
+from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Integers, Matrix, Vector, freeze
 from gmwm.base.lazy import scipy
 from gmwm.theory.filters import WaveletFilter
 
@@ -33,8 +29,7 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """Matérn correlation M and 1 − M (`lost`) at distances x, and derivatives of 1 − M with respect to ln x and to
-    ν."""
+    """Matérn correlation M and 1 − M (`lost`) at x, and derivatives of 1 − M by ln x and ν."""
 
     correlation: Vector
     lost: Vector
@@ -43,8 +38,7 @@ class Matern:
 
 
 def matern(x: Vector, nu: float) -> Matern:
-    """Compute the Matérn correlation and its derivatives at distances x ≥ 0 for a smoothness 0 < ν <
-    `LARGEST_SMOOTHNESS`."""
+    """Compute the Matérn correlation and derivatives at x ≥ 0 for 0 < ν < `LARGEST_SMOOTHNESS`."""
     # Distance beyond which the correlation underflows, for any ν up to 50.
     underflow = 1200.0
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
@@ -104,8 +98,7 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
 
 
 def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]:
-    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)) over 1 ≤ k < `whole`, and its derivative by ln x; ln y = 2
-    ln(x/2)."""
+    """Compute −Σ y^k / (k! (1 − ν)(2 − ν)…(k − ν)), 1 ≤ k < `whole`, and its derivative by ln x; ln y = 2 ln(x/2)."""
     total, slope = np.zeros(log.size, dtype=np.complex128), np.zeros(log.size, dtype=np.complex128)
     term = complex(1.0)
     for k in range(1, whole):
@@ -166,15 +159,13 @@ Levels = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class LagSums:
-    """Weights (J, P) of the autocovariance A at `places` (lags, not necessarily integers) that give the wavelet
-    variances."""
+    """Weights (J, P) of A at `places` (lags, also between integers) that give the wavelet variances."""
 
     places: Vector
     weights: Matrix
 
     def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
-        """Compute the wavelet variances (n, J) from A at `places` (n, P), and the sums of absolute terms, which measure
-        cancellation."""
+        """Compute variances (n, J) from A at `places` (n, P), and sums of absolute terms, which show cancellation."""
         weights = self.weights[levels - 1]
         return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
 
@@ -207,8 +198,7 @@ def _reach(filter: WaveletFilter) -> int:
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Return the matrix (T + 1, T + 1 + 2 NODES) of A_{i+1} at lags 0 … T from A_i there and in the first two
-    octaves."""
+    """Return the matrix (T + 1, T + 1 + 2 NODES) of A_{i+1} at lags 0 … T from A_i and its first two octaves."""
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES_OF_OCTAVE)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -223,8 +213,7 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Return the matrices (octaves, NODES, 3 NODES) of A_{i+1} in each octave from A_i in it and the next two
-    octaves."""
+    """Return matrices (octaves, NODES, 3 NODES) of A_{i+1} in each octave from A_i in it and the next two."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES_OF_OCTAVE, 3 * NODES_OF_OCTAVE))
@@ -244,8 +233,7 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
 
 
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Compute the sums of f(k) and of k f(k) over k = 1 … m, m in `ends`, for functions f that are smooth in each
-    octave, by a Gauss rule for sums over integers in each octave. `known` returns f (functions, n) at real lags."""
+    """Compute Σ f(k) and Σ k f(k) over 1 … m, m in `ends`, for f (functions, n) smooth in octaves (Gauss rules)."""
     first = known(np.arange(1.0, _SHORT + 1))
     moments = np.stack([first, first * np.arange(1.0, _SHORT + 1)])
     near = np.concatenate([np.zeros_like(moments[:, :, :1]), np.cumsum(moments, axis=2)], axis=2)
@@ -259,9 +247,7 @@ def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> 
     return total[0], total[1]
 
 
-def _pieces(
-    known: Callable[[Vector], Matrix], starts: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _pieces(known: Callable[[Vector], Matrix], starts: Integers, counts: Integers) -> Vector:
     """Compute the sums (2, functions, pieces) of f(k) and k f(k) over the `counts` integers after each of `starts`."""
     nodes, weights = _rules(counts.astype(np.float64))
     lags = starts[:, None] + 0.5 * (counts[:, None] + 1.0) + nodes

@@ -71,8 +71,7 @@ def as_rng(rng: object) -> np.random.Generator:
 
 
 def as_seed(rng: object) -> int:
-    """Return an integer seed, or a seed drawn from a NumPy Generator, because parallel work needs one and results
-    record it.
+    """Return an integer seed, drawn if a Generator: parallel work needs one, and results record it.
 
     >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
     (3, True)
@@ -165,8 +164,7 @@ def check_members(cls: type[Process], wavelet_variance_sources: tuple[str, ...])
 
 
 def check_name(cls: type[Process], registry: Mapping[str, type[Process]]) -> None:
-    """Raise ModelError if another class has this name in any case; a class that is defined again replaces the older
-    one."""
+    """Raise ModelError if another class has this name in any case; a class defined again replaces the older one."""
     older = next((process for name, process in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return

@@ -17,7 +17,7 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, GmwmError, ModelError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.results import Plotted
-from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY, axis_quantity
+from gmwm.base.units import AXES, SI_UNIT, STANDARD_GRAVITY, axis_quantity, si_unit
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.signals import Imu, Signal
 from gmwm.recording.writers import write_table
@@ -257,7 +257,7 @@ def simulate(
         offset = STANDARD_GRAVITY if axis == gravity else 0.0
         with _errors_about(axis):
             if components:
-                unit = SI_UNIT[axis_quantity(axis)]
+                unit = si_unit(axis)
                 signals[axis] = _simulate(
                     model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
                 )
@@ -326,8 +326,7 @@ def simulate_signal(
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
-    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`. Raises
-    OptionError if `models` is neither a model nor a mapping of axes or sensors to models, or if it is empty."""
+    """Return the model of each axis from `models` of `simulate`; OptionError if empty or of another kind."""
     if isinstance(models, str | Process | Model):
         return dict.fromkeys(AXES, as_model(models))
     if not isinstance(models, Mapping) or not models:

@@ -79,10 +79,7 @@ def register(app: Dash, desk: Desk) -> None:
 
 
 def export_text(found: Calibration, session: Session) -> str:
-    """Return the text of the file in the chosen export format.
-
-    Raises an error if the calibration lacks a number that the format needs.
-    """
+    """Return the text of the file in the chosen export format."""
     return found.export(format=session.export, axes=session.rule, inflation=session.inflation, horizon=session.horizon)
 
 

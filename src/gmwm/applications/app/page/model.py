@@ -133,9 +133,6 @@ def _apply_slider(session: Session, axis: str, fit: Fit, relayout: dict[str, Any
     return session
 
 
-# --- what is shown ----------------------------------------------------------------------------------
-
-
 def _record(session: Session, workspace: Workspace) -> tuple[str, ...]:
     job = workspace.recording(session)
     job.join(60)
@@ -270,11 +267,7 @@ def _ranking(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def adding(model: str, term: str) -> str:
-    """Return a model with a term added.
-
-    >>> adding("GM + WN", "GM")
-    '2*GM + WN'
-    """
+    """Return a model with a term added."""
     processes = (*Model.parse(model).processes, *Model.parse(term).processes)
     names = [process.name for process in processes]
     return str(Model(tuple(sorted(processes, key=lambda process: names.index(process.name)))))

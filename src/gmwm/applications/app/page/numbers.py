@@ -135,8 +135,7 @@ def _numbers(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _first_screen(found: Calibration, session: Session, width: float) -> list[Any]:
-    """Return verdict, numbers for a filter beside the curves, remarks, and folded datasheets, in the order of the
-    report."""
+    """Return verdict, filter numbers beside curves, remarks, and folded datasheets, as in the report."""
     head = found.verdict
     parts = [html.P(head.text(Dialect.SHELL), className=f"verdict {state_of(head)}")]
     for sensor in filter_tables(found, Dialect.SHELL):

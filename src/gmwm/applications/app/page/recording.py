@@ -99,9 +99,6 @@ def register(app: Dash, desk: Desk) -> None:
     )(unit)
 
 
-# --- open a file ------------------------------------------------------------------------------------
-
-
 def _opening(app: Dash, desk: Desk) -> None:
     def open_file(*given: Any) -> Any:
         _, __, dropped, files, path, data, count, page = given
@@ -167,9 +164,6 @@ def _browsing(app: Dash, desk: Desk) -> None:
 
 def _entry(kind: str, path: str, name: str) -> Any:
     return widgets.button(name, {"type": kind, "path": path}, f"chip {kind}")
-
-
-# --- how to read it ---------------------------------------------------------------------------------
 
 
 def _field_values(session: Session) -> list[Any]:
@@ -240,9 +234,6 @@ def _number(text: str, name: str) -> float:
         raise OptionError(argument=name, expected="a number", got=text) from None
 
 
-# --- leave spans out --------------------------------------------------------------------------------
-
-
 def _cutting(app: Dash, desk: Desk) -> None:
     def mark(marked: list[Any], unit: float) -> Any:
         hit = ctx.triggered[0]["value"] if ctx.triggered else None
@@ -293,9 +284,6 @@ def _spans(session: Session, workspace: Workspace, width: float) -> list[Any]:
         text = f"skip {number(begin)} s to {number(end)} s ×"
         chips.append(widgets.button(text, {"type": "span", "span": str(k)}, "chip", title="Remove this cut"))
     return chips
-
-
-# --- what the recording is ----------------------------------------------------------------------------
 
 
 def _verdict(session: Session, workspace: Workspace, width: float) -> Any:

@@ -105,8 +105,7 @@ def by_severity(found: Iterable[Remark]) -> Any:
 
 
 def of_job(job: Job, show: Callable[[Any], Any], *, comes: str = "") -> Any:
-    """Return the component that `show` makes from the result of a job, or a text with the state of the job. While the
-    job runs, the text says what `comes`, and the page adds the progress of the job."""
+    """Return what `show` makes of a job's result, or its state; while it runs, the text says what `comes`."""
     job.join(SILENT_S)
     if job.state == "done":
         return show(job.value)
@@ -142,11 +141,8 @@ Draw = Callable[[Session, Workspace, float], Any]
 
 
 def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
-    """Register a callback that draws the element `place` of a tab whenever the session, a result or the width changes.
-
-    The page stores a digest of the content of the element. Unchanged content is not sent again, because a click would
-    be lost if the button were replaced at the same moment.
-    """
+    """Register a callback that draws `place` of a tab whenever the session, a result or the width changes. Unchanged
+    content, by its digest, is not sent again: a click would be lost if its button were replaced meanwhile."""
     desk.places.append(place)
 
     def draw_place(data: Any, _: int, shown: str, width: float, page: str, digest: str | None) -> tuple[Any, Any]:
@@ -196,19 +192,15 @@ def triggers() -> list[tuple[Any, str, Any]]:
 
 
 Change = Callable[..., Session | None]
-"""Function that returns the new session from the session and the values of the inputs and states. It returns None if
-the user did nothing, because a component was only created."""
+"""Returns the new session from the session and inputs, or None if a component was only created."""
 
 
 def changes(
     app: Dash, desk: Desk, inputs: Sequence[Any], change: Change, *, states: Sequence[Any] = (),
     errors: Sequence[str] = (),
 ) -> None:  # fmt: skip
-    """Register a callback that changes the session when one of the inputs changes.
-
-    If the change raises an error, the session is not changed. The error is shown beside the field of its argument, or
-    beside the first of the fields `errors`.
-    """
+    """Register a callback that changes the session when an input changes. An error leaves the session as it is, and is
+    shown at the field of its argument, or at the first of `errors`."""
 
     def apply_change(*given: Any) -> list[Any]:
         *values, data, page = given
