@@ -200,58 +200,15 @@ _NAMES = {
 imported only when one of its names is used, because the import of all packages takes 0.4 s."""
 
 _ROOMS = {
-    "applications": (
-        "app",
-        "fleets",
-        "monitor",
-        "navigation",
-        "several",
-    ),
-    "base": (
-        "errors",
-        "remarks",
-        "time_base",
-        "units",
-    ),
-    "choosing": (
-        "datasheets",
-        "replicates",
-        "selection",
-    ),
-    "files": (
-        "importers",
-        "readers",
-    ),
-    "fitting": (
-        "estimation",
-        "inference",
-        "likelihood",
-    ),
-    "measuring": (
-        "covariance",
-        "inspection",
-        "outliers",
-        "regression",
-        "spectrum",
-        "streaming",
-        "variance",
-    ),
-    "recording": (
-        "options",
-        "signals",
-    ),
-    "showing": (
-        "exporters",
-        "plots",
-        "reports",
-    ),
-    "theory": (
-        "continuous_statespace",
-        "filters",
-        "processes",
-        "simulation",
-        "statespace",
-    ),
+    "applications": ("app", "fleets", "monitor", "navigation", "several"),
+    "base": ("errors", "remarks", "time_base", "units"),
+    "choosing": ("datasheets", "replicates", "selection"),
+    "files": ("importers", "readers"),
+    "fitting": ("estimation", "inference", "likelihood"),
+    "measuring": ("covariance", "inspection", "outliers", "regression", "spectrum", "streaming", "variance"),
+    "recording": ("options", "signals"),
+    "showing": ("exporters", "plots", "reports"),
+    "theory": ("continuous_statespace", "filters", "processes", "simulation", "statespace"),
 }
 """Public packages by room. Programs use the short name, `gmwm.covariance`, so that a room can be rearranged."""
 _PACKAGES = {name: f"gmwm.{room}.{name}" for room, names in _ROOMS.items() for name in names}
