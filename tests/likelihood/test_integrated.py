@@ -44,6 +44,7 @@ def test_the_fit_is_that_of_the_differences_and_the_forecast_that_of_the_recursi
     assert high - low == pytest.approx(2 * 1.6449 * forecast.error, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_seasonal_forecast_contain_the_series():
     inside = []
     for seed in range(16):
