@@ -206,7 +206,7 @@ def _measure_recording(
             shares[axis] = MeasuredAxis(
                 axis=axis, regressions={} if regression is None else {name: regression},
                 raw={} if raw is None else {name: raw},
-                beginnings={name: beginnings[axis]} if axis in beginnings else {},
+                beginnings={name: beginnings[axis]} if axis in beginnings else {}
             )  # fmt: skip
     inspections = with_gravity(inspections)
     curves = recordings.curves[name]
@@ -256,14 +256,14 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
     if len(recordings.parts) > 1:
         raise OptionError(
             f"{argument} can be given for one recording only, and there are several", argument=argument,
-            advice="Leave {--" + argument + "} out.",
+            advice="Leave {--" + argument + "} out."
         )  # fmt: skip
     from gmwm.files.readers.streams import Stream
 
     if not all(isinstance(part, Stream) for part in recordings.parts[""]) or not recordings.parts[""]:
         raise OptionError(
             f"{argument} can be given for a stream only", argument=argument,
-            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
+            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`."
         )  # fmt: skip
 
 
