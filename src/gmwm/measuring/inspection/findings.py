@@ -80,13 +80,8 @@ def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...], ext
         ratio = max(motion.ratios.values())
         yield Remark.of("recording-moved", axis, case="moved", parts=shown, ranges=motion.spans, ratio=ratio)
     if tilt is not None:
-        angle = Quantity(tilt, "°")
-        tilted = tilt > MOVED
-        yield (
-            Remark.of("recording-moved", case="tilted", angle=angle)
-            if tilted
-            else Remark.of("recording-settles", angle=angle)
-        )
+        code, case = ("recording-moved", {"case": "tilted"}) if tilt > MOVED else ("recording-settles", {})
+        yield Remark.of(code, **case, angle=Quantity(tilt, "°"))
     # Knocks whose samples together add less than 1 % to the variance of sums change N by at most 0.5 %.
     if sum((knock.peak * (1 + knock.duration * extent.rate)) ** 2 for knock in knocks) > 0.01 * extent.samples:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
