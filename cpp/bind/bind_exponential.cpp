@@ -212,6 +212,18 @@ void bind_exponential(nb::module_& m) {
              "Write the Haar wavelet variances of autoregressions of order 1 with innovation variance 1 to out.");
   bind_shape(m, "autoregressive_slopes", "coefficients", gmwm::autoregressive_slope,
              "Write the derivatives of `autoregressive_shapes` with respect to the coefficient to out.");
+  m.def(
+      "oscillation_shapes",
+      [](Vector damping, Vector turn, Vector half_scales, OutMatrix out) {
+        require(turn.size() == damping.size(), "there must be a damping for each turn");
+        require(out.shape(0) == turn.size() && out.shape(1) == half_scales.size(),
+                "out must have a row for each turn, and a column for each half-scale");
+        for (std::size_t i = 0; i < turn.size(); ++i)
+          gmwm::oscillation_shape(damping.data()[i], turn.data()[i], view(half_scales),
+                                  out.data() + i * half_scales.size());
+      },
+      "damping"_a.noconvert(), "turn"_a.noconvert(), "half_scales"_a.noconvert(), "out"_a.noconvert(),
+      "Write the Haar wavelet variances of damped oscillators, whose phases turn by `turn` per sample, to out.");
 
   nb::class_<gmwm::WeightedTable>(m, "WeightedTable",
                                   "The table of processes with exponential autocovariances under weights, which the "

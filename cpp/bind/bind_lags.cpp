@@ -198,6 +198,18 @@ void bind_lags(nb::module_& m) {
       nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("decay"),
       "Covariances of Haar coefficients of an autocovariance exp(-decay |k|).");
   m.def(
+      "power_differences",
+      [](Vector fine, Vector coarse, Vector lag, double epsilon, Vector falling) {
+        if (falling.size() != gmwm::power_terms) throw nb::value_error("there must be 15 coefficients");
+        const std::span<const double, gmwm::power_terms> terms{falling.data(), gmwm::power_terms};
+        return evaluated(nodes_of(fine, coarse, lag), [epsilon, terms](const gmwm::Nodes& nodes, std::span<double> out) {
+          gmwm::power_differences(nodes, epsilon, terms, out);
+        });
+      },
+      nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("epsilon"),
+      nb::arg("falling").noconvert(),
+      "Covariances of Haar coefficients of a running sum with the covariance m² (|m|^epsilon - 1)/epsilon.");
+  m.def(
       "short_memory_differences",
       [](Vector fine, Vector coarse, Vector lag, Vector autocovariance) {
         if (autocovariance.size() == 0) throw nb::value_error("there must be an autocovariance at lag 0");

@@ -6,6 +6,7 @@
 #include "gmwm/differences.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -170,6 +171,66 @@ void exponential_differences(const Nodes& nodes, double decay, std::span<double>
     for (std::size_t l = 0; l < block; ++l) u[l] = nodes.lag[std::min(i + l, end - 1)];
     exponential_block(at, u, value);
     std::copy(value, value + (end - i), &out[i]);
+  }
+}
+
+namespace {
+
+// Second differences of q(m) = m² (|m|^ε - 1)/ε; m² ln|m| for ε = 0. Far from the kink, they are series in the inverse
+// square of the lag, whose terms fall by a factor of 16.
+class PowerLaw {
+ public:
+  PowerLaw(double epsilon, std::span<const double, power_terms> falling) : epsilon_(epsilon) {
+    std::copy(falling.begin(), falling.end(), falling_.begin());
+    std::array<double, 2 * power_terms + 3> factorial{1.0};
+    for (std::size_t n = 1; n < factorial.size(); ++n) factorial[n] = static_cast<double>(n) * factorial[n - 1];
+    for (std::size_t k = 1; k <= power_terms; ++k)
+      for (std::size_t i = 1; i + k <= power_terms + 1; ++i)
+        table_[k - 1][i - 1] = falling_[i + k - 2] * factorial[2 * (i + k)] / (factorial[2 * k] * factorial[2 * i]);
+  }
+
+  // By one and then by `step` ≥ 1, at lags t ≥ 0.
+  double twice(double step, double t) const {
+    if (t < near * (1 + step)) return bend(t + step) - 2 * bend(t) + bend(std::abs(t - step));
+    const double y = 1 / (t * t), z = (step / t) * (step / t);
+    std::array<double, power_terms> inner{};
+    for (std::size_t k = power_terms; k >= 1; --k)
+      for (std::size_t i = 0; i < power_terms; ++i) inner[i] = inner[i] * y + table_[k - 1][i];
+    double total = 0;
+    for (std::size_t i = power_terms; i >= 1; --i) total = (total + inner[i - 1]) * z;
+    return 4 * power(t) * total;
+  }
+
+ private:
+  static constexpr double near = 4;  // lag, over the step of the difference, from which the series is used
+
+  double power(double t) const { return epsilon_ == 0 ? 1.0 : std::exp(epsilon_ * std::log(t)); }
+  double grown(double x) const { return epsilon_ == 0 ? x : std::expm1(epsilon_ * x) / epsilon_; }
+  double q(double m) const { return m > 0 ? m * m * grown(std::log(m)) : 0.0; }
+
+  double bend(double t) const {
+    if (t < near) return q(t + 1) - 2 * q(t) + q(std::abs(t - 1));
+    const double y = 1 / (t * t), log = std::log(t);
+    double tail = 0;
+    for (std::size_t k = power_terms; k >= 1; --k) tail = (tail + falling_[k - 1]) * y;
+    return 2 * grown(log) + power(t) * (3 + epsilon_ + 2 * tail);
+  }
+
+  double epsilon_;
+  std::array<double, power_terms> falling_;
+  std::array<std::array<double, power_terms>, power_terms> table_{};  // coefficients of y^k z^i
+};
+
+}  // namespace
+
+void power_differences(const Nodes& nodes, double epsilon, std::span<const double, power_terms> falling,
+                       std::span<double> out) {
+  const PowerLaw law(epsilon, falling);
+  double fine = 1, factor = 1;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (nodes.fine[i] != fine) fine = nodes.fine[i], factor = std::pow(fine, 2 + epsilon);
+    const double coarse = nodes.coarse[i], middle = std::abs((nodes.lag[i] + fine - coarse) / fine);
+    out[i] = factor * law.twice(coarse / fine, middle);
   }
 }
 

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
+#include <numbers>
 
 #include "gmwm/clones.hpp"
 
@@ -48,14 +50,17 @@ constexpr auto odd_series = series<0, 10>([](int k) { return 1 / factorial(2 * k
 constexpr auto excess_series = series<1, 10>([](int k) { return 1 / factorial(2 * k + 1); });
 constexpr auto coth_series = series<1, 10>([](int k) { return 2.0 * k / factorial(2 * k + 1); });
 constexpr auto ratio_series = series<1, 10>([](int k) { return 2 / factorial(2 * k) - 3 / factorial(2 * k + 1); });
+constexpr auto far_series = series<2, 10>([](int k) { return 1 / factorial(2 * k + 1); });
+// Of 6 - 8 exp(-x) + exp(-2x)·2, from x⁴ on.
+constexpr auto fourth_series = series<4, 22>([](int n) { return sign(n) * (2 * power_of_two(n) - 8) / factorial(n); });
 constexpr auto rest_series = series<4, 26>([](int n) {
   return -sign(n) * power_of_two(n) / (2 * factorial(n)) +
          (n % 2 ? 2 / factorial(n) - 2 / factorial(n - 1) : 1 / factorial(n - 1));
 });
 
-template <std::size_t size>
-GMWM_INLINE double polynomial(const std::array<double, size>& coefficients, double x) {
-  double value = coefficients[0];
+template <std::size_t size, class T>
+GMWM_INLINE T polynomial(const std::array<double, size>& coefficients, T x) {
+  T value = coefficients[0];
   for (std::size_t k = 1; k < size; ++k) value = value * x + coefficients[k];
   return value;
 }
@@ -178,6 +183,33 @@ void autoregressive_slope(double phi, std::span<const double> h, double* out) {
     const double curve = h[j] * x * curve_k(x) + (y / x) * (2 + y) * w;
     const double smooth = 1 / (h[j] * cube) - curve / (2 * h[j] * cube * e1);
     out[j] = h[j] == 1 ? -0.5 / ((lambda * e1) * (lambda * e1)) : smooth;
+  }
+}
+
+// With lambda = a + i omega, c = 1 + ia/omega and x = lambda h, 4h² times the wavelet variance is
+//     Re c [2h coth(lambda/2) - (6 - 8 exp(-x) + 2 exp(-2x)) / (4 sinh²(lambda/2))].
+void oscillation_shape(double damping, double turn, std::span<const double> h, double* out) {
+  using Complex = std::complex<double>;
+  // Above half the sampling rate, the turn of an alias has the same exponentials.
+  const double cycle = 2 * std::numbers::pi, alias = turn - cycle * std::nearbyint(turn / cycle);
+  const Complex lambda(std::min(damping, white), alias), c(1, damping / turn), half = 0.5 * lambda;
+  const Complex slow = c / std::tanh(half), sine = std::sinh(half), quick = c / (4.0 * sine * sine);
+  const Complex square = std::abs(lambda) < 0.5 ? half * half : Complex(0);
+  const Complex excess = square * polynomial(excess_series, square);  // sinh v / v - 1 at v = lambda/2
+  const Complex less = -excess * (2.0 + excess) / ((1.0 + excess) * (1.0 + excess));
+  // Re c lambda is 0 without an alias, so that the series begins with its second term.
+  const double first = damping * (1 - alias / turn) + (c * lambda * less).real();
+  const Complex later = c * lambda * (1.0 + less), coth = 16.0 * square * polynomial(far_series, 4.0 * square);
+  for (std::size_t j = 0; j < h.size(); ++j) {
+    const Complex x = lambda * h[j];
+    const double s = h[j], cube = s * s * s;
+    if (std::abs(x) < 0.5) {
+      const Complex rest = later * (s * coth - cube * x * polynomial(fourth_series, x));
+      out[j] = ((4 * s + 8 * cube) / 6 * first + rest.real()) / (4 * s * s);
+    } else {
+      const Complex e = std::exp(-x);
+      out[j] = (2 * s * slow - (6.0 - 8.0 * e + 2.0 * e * e) * quick).real() / (4 * s * s);
+    }
   }
 }
 

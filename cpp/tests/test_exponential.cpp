@@ -51,6 +51,27 @@ void test_shapes() {
   CHECK_CLOSE(out[1], 0.25, 1e-12);
 }
 
+// Periods from 40 samples to aliases, nearly undamped and overdamped oscillators.
+void test_oscillations() {
+  const std::vector<double> h{1, 2, 4, 16};
+  std::vector<double> out(4);
+  for (const double damping : {1e-6, 1e-3, 0.1, 2.0, 30.0})
+    for (const double turn : {1e-5, 0.15, 1.5, 3.0, 4.0}) {
+      gmwm::oscillation_shape(damping, turn, h, out.data());
+      for (std::size_t j = 0; j < 4; ++j) {
+        const int n = static_cast<int>(h[j]);
+        long double total = 0;
+        for (int a = 0; a < 2 * n; ++a)
+          for (int b = 0; b < 2 * n; ++b) {
+            const long double k = std::abs(a - b), angle = turn * k;
+            const long double r = std::exp(-damping * k) * (std::cos(angle) + damping / turn * std::sin(angle));
+            total += ((a < n) == (b < n) ? r : -r) / (4 * n * n);
+          }
+        CHECK(std::abs(out[j] - static_cast<double>(total)) < 1e-12 * static_cast<double>(total) + 1e-15);
+      }
+    }
+}
+
 void test_linear() {
   std::vector<double> a{0, 2, 1, 1, 1, 0, 3, 0, 1}, b{7, 3, 6};
   CHECK(gmwm::solve_linear(a, b));
@@ -175,6 +196,7 @@ void test_weights() {
 int main() {
   return check::at_each_level("exponential", [] {
     test_shapes();
+    test_oscillations();
     test_linear();
     test_search();
     test_least_squares();

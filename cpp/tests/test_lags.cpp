@@ -152,11 +152,39 @@ void test_node_sums() {
   }
 }
 
+// Flicker noise and a walk-like power, against second differences of m² ln|m| and |m|^(2+ε)/ε in long double.
+void test_powers() {
+  const std::vector<double> fine{1, 4, 2, 2, 2}, coarse{1, 8, 2, 16, 64}, lag{0, -3, 5, 200, 1000};
+  std::vector<double> out(5);
+  for (const double epsilon : {0.0, 0.5}) {
+    std::vector<double> falling;
+    double product = (2 + epsilon) * (1 + epsilon) / 2;
+    for (int k = 2; k <= 16; ++k) {
+      product *= (epsilon - (2 * k - 3)) / ((2.0 * k - 1) * 2 * k);
+      if (k > 2) product *= epsilon - (2 * k - 4);
+      falling.push_back(product);
+    }
+    gmwm::power_differences({fine, coarse, lag}, epsilon, std::span<const double, 15>(falling), out);
+    for (std::size_t i = 0; i < 5; ++i) {
+      long double total = 0, largest = 0;
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) {
+          const long double m = std::abs(lag[i] - b * coarse[i] + a * fine[i]);
+          const long double power = epsilon == 0 ? std::log(m) : std::pow(m, static_cast<long double>(epsilon)) / epsilon;
+          const long double q = m > 0 ? m * m * power : 0;
+          total += (a == 1 ? -2 : 1) * (b == 1 ? -2 : 1) * q, largest = std::max(largest, std::abs(q));
+        }
+      CHECK(std::abs(out[i] - static_cast<double>(total)) < 1e-17 * static_cast<double>(largest) + 1e-13 * std::abs(out[i]));
+    }
+  }
+}
+
 }  // namespace
 
 int main() {
   return check::at_each_level("lags", [] {
     test_node_sums();
+    test_powers();
     sums_of_exponentials();
     for (const std::int64_t points : {17, 100, 4001}) {
       std::array<double, 8> nodes{}, weights{};

@@ -22,6 +22,12 @@ void walk_differences(const Nodes& nodes, std::span<double> out);
 // The same of e_t - e_{t-1} for white noise e of variance 1: nonzero at nine lags only.
 void spike_differences(const Nodes& nodes, std::span<double> out);
 
+// The same of power-law noise, whose running sum has the covariance q(m) = m² (|m|^ε - 1)/ε. `falling` are the binomial
+// coefficients C(2 + ε, 2k)/ε for k = 2, 3, …, 16.
+inline constexpr std::size_t power_terms = 15;
+void power_differences(const Nodes& nodes, double epsilon, std::span<const double, power_terms> falling,
+                       std::span<double> out);
+
 // The same of a process with autocovariance exp(-decay |k|), decay > 0.
 void exponential_differences(const Nodes& nodes, double decay, std::span<double> out);
 

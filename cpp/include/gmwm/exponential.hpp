@@ -16,6 +16,9 @@ void exponential_slope(double lambda, std::span<const double> h, double* out);
 void autoregressive_shape(double phi, std::span<const double> h, double* out);
 void autoregressive_slope(double phi, std::span<const double> h, double* out);
 
+// The same of the autocovariance exp(-a|k|) [cos ωk + (a/ω) sin ω|k|], with the damping a and the turn ω > 0 per sample.
+void oscillation_shape(double damping, double turn, std::span<const double> h, double* out);
+
 // -ln|phi|, accurate for |phi| near 1, up to 700, where exp(-lambda) is below the rounding error of 1.
 double log_decay(double phi);
 

@@ -59,6 +59,11 @@ def autoregressive_slopes(coefficients: Annotated[NDArray[numpy.float64], dict(s
     Write the derivatives of `autoregressive_shapes` with respect to the coefficient to out.
     """
 
+def oscillation_shapes(damping: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], turn: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], half_scales: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Write the Haar wavelet variances of damped oscillators, whose phases turn by `turn` per sample, to out.
+    """
+
 class WeightedTable:
     """
     The table of processes with exponential autocovariances under weights, which the searches for several models share.
@@ -267,6 +272,11 @@ def spike_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,)
 
 def exponential_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], decay: float) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """Covariances of Haar coefficients of an autocovariance exp(-decay |k|)."""
+
+def power_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], epsilon: float, falling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Covariances of Haar coefficients of a running sum with the covariance m² (|m|^epsilon - 1)/epsilon.
+    """
 
 def short_memory_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], autocovariance: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """

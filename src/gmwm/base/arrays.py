@@ -136,6 +136,8 @@ def as_rate(rate: float | None) -> float:
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     """Check wavelet levels: ascending integers from 1 to 62 (scales of 64 bits), or a number J for 1, …, J."""
+    if type(levels) is np.ndarray and levels.dtype == np.int64 and levels.ndim == 1 and _are_levels(levels.tobytes()):
+        return levels
     expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
+from gmwm.base.lazy import scipy
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.choosing.selection.ranking import Candidate, Ranking
@@ -87,10 +88,9 @@ def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tu
 
 
 def _crossing(above: Callable[[float], float], wanted: float, first: float, last: float) -> float:
-    for _ in range(80):  # halvings, to the last digit
-        middle = (first + last) / 2
-        first, last = (middle, last) if above(math.exp(middle)) > wanted else (first, middle)
-    return math.exp((first + last) / 2)
+    if above(math.exp(first)) <= wanted:
+        return math.exp(first)
+    return math.exp(scipy.optimize.brentq(lambda y: above(math.exp(y)) - wanted, first, last, xtol=1e-15))
 
 
 def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:

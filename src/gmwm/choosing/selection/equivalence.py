@@ -131,7 +131,7 @@ class Hypothesis:
         # A term is collinear if less of its unit vector's square is outside the candidate's span: √ε of a double.
         spare = 1e-8
         columns = self._columns - (self._columns @ self.axes) @ self.axes.T
-        return columns[np.sum(columns**2, axis=1) > spare]
+        return np.asarray(columns[np.sum(columns**2, axis=1) > spare])
 
     @cached_property
     def _penalties(self) -> Vector:
@@ -212,11 +212,17 @@ def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
-    angle = (np.arange(QUANTILE_DEGREE + 1) + 0.5) * np.pi / (QUANTILE_DEGREE + 1)
-    values = scipy.special.chdtri(freedom, scipy.special.ndtr(-reach * np.cos(angle[:, None]))) / freedom
-    terms = 2 / (QUANTILE_DEGREE + 1) * np.cos(np.outer(np.arange(QUANTILE_DEGREE + 1), angle)) @ values
-    terms[0] /= 2
-    return np.asarray(np.polynomial.chebyshev.chebval(scores / reach, terms, tensor=False))
+    out = np.empty_like(scores)
+    # With many degrees of freedom, quantiles are nearly linear.
+    for degree, levels in ((QUANTILE_DEGREE, freedom < 20), (QUANTILE_DEGREE // 3, freedom >= 20)):
+        number = np.arange(degree + 1)
+        angle = (number + 0.5) * np.pi / (degree + 1)
+        at = scipy.special.ndtr(-reach * np.cos(angle[:, None]))
+        values = scipy.special.chdtri(freedom[levels], at) / freedom[levels]
+        terms = 2 / (degree + 1) * np.cos(np.outer(number, angle)) @ values
+        terms[0] /= 2
+        out[:, levels] = np.polynomial.chebyshev.chebval(scores[:, levels] / reach, terms, tensor=False)
+    return out
 
 
 def factor_of(wavelet: Matrix) -> Matrix:

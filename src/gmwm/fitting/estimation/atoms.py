@@ -80,7 +80,11 @@ def shapes(process: type[Process], places: list[Place], levels: Integers, rate: 
     """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
     if not places:
         return np.empty((0, levels.size))
-    parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
+    first, u = places[0][0], np.array([at for _, at in places])
+    if all(branch is first for branch, _ in places):
+        parameters = first.values(u)
+    else:
+        parameters = np.concatenate([branch.values(np.array([at])) for branch, at in places])
     return shape_at(process, parameters, levels, rate=rate, filter=filter)
 
 

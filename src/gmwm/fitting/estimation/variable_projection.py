@@ -143,7 +143,7 @@ class Surface:
         check_stop()
         u, z = self.split(point)
         values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
-        if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):
+        if any(not (free.together or free.possible(row)[0]) for free, row in zip(self.frees, values, strict=True)):
             return None
         rows = self._free_shapes(values)
         if point.branches:

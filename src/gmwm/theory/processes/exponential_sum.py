@@ -238,28 +238,7 @@ _CURVE = _series(lambda n: (-1) ** n / factorial(n), 2, 20)
 
 
 def oscillation_shape(damping: Array, turn: Array, h: Array) -> Array:
-    """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω per sample, half-scales h.
-    With λ = a + iω and c = 1 + ia/ω, 4h²ν² = Re c [2h coth(λ/2) − (6 − 8e^(−λh) + 2e^(−2λh))/(4 sinh²(λ/2))]."""
-    # Above half the sampling rate, the turn of an alias has the same exponentials.
-    alias = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    lam = (np.minimum(damping, WHITE) + 1j * alias)[:, None]
-    c = 1.0 + 1j * (damping / turn)[:, None]
-    x = lam * h
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        e = np.exp(-x)
-        direct = 2.0 * h * c / np.tanh(0.5 * lam) - (6.0 - 8.0 * e + 2.0 * e * e) * c / (4.0 * np.sinh(0.5 * lam) ** 2)
-    small = np.abs(x) < 0.5
-    if small.any():
-        # (λ/2)² / sinh²(λ/2) − 1
-        square = np.where(np.abs(lam) < 0.5, 0.25 * lam * lam, 0.0)
-        excess = square * np.polyval(_EXCESS, square)
-        less = -excess * (2.0 + excess) / (1.0 + excess) ** 2
-        # Re cλ is 0 without an alias, so that the series begins with its second term.
-        first = (damping * (1.0 - alias / turn))[:, None] + c * lam * less
-        later = c * lam * (1.0 + less) * (4.0 * h * 4.0 * square * np.polyval(_EXCESS[:-1], 4.0 * square))
-        later -= c * lam * (1.0 + less) * h**3 * np.where(small, x, 0.0) * np.polyval(_FOURTH, np.where(small, x, 0.0))
-        direct = np.where(small, (4.0 * h + 8.0 * h**3) / 6.0 * first + later, direct)
-    return np.asarray(direct.real / (4.0 * h * h))
-
-
-_FOURTH = _series(lambda n: (-1) ** n * (2.0 ** (n + 1) - 8.0) / factorial(n), 4, 22)  # of 6 − 8e^(−x) + 2e^(−2x)
+    """Compute variances (n, J) of e^(−a|k|)[cos ωk + (a/ω) sin ω|k|], damping a and turn ω a sample, half-scales h."""
+    out = np.empty((turn.size, h.size))
+    _core.oscillation_shapes(np.ascontiguousarray(damping), np.ascontiguousarray(turn), h, out)
+    return out

@@ -117,14 +117,8 @@ def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
 def power(at: LagGrid, exponent: float) -> Vector:
     """Compute the covariances (n,) for power-law noise with ν_1² = 1 and ε = `exponent`. K(m) = m² (|m|^ε − 1)/(2(2^ε −
     1)), and K(m) = m² ln|m|/(2 ln 2) for ε = 0."""
-    scale, out = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))), np.empty(at.lag.size)
-    # In blocks of 2¹⁴ nodes, because the series needs some twenty arrays of their size.
-    for begin in range(0, out.size, 1 << 14):
-        block = slice(begin, begin + (1 << 14))
-        fine, coarse = np.asarray(at.fine[block], dtype=np.float64), at.coarse[block]
-        middle = (at.lag[block] + fine - coarse) / fine
-        out[block] = scale * fine ** (2.0 + exponent) * self_similar.second_bend(coarse / fine, middle, exponent)
-    return out
+    scale = 0.5 * float(self_similar.unit_factor(np.asarray(exponent)))
+    return scale * _core.power_differences(at.fine, at.coarse, at.lag, exponent, self_similar.binomials(exponent))
 
 
 def exponential(at: LagGrid, decay: float) -> Vector:

@@ -20,7 +20,7 @@ from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.matern import LONGEST_LAGS, NEGLIGIBLE_CORRELATION
 from gmwm.theory.processes.parameter import Parameter, Physical, Value
-from gmwm.theory.processes.validation import as_frequencies, as_lags
+from gmwm.theory.processes.validation import as_clusters, as_frequencies, as_lags
 from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
@@ -97,8 +97,6 @@ class OSC(Process):
         damping, turn = (natural * part for part in _relative_rates(quality))
         if filter is not HAAR or np.any(turn < 1e-3 * natural):
             return super().shape(nonlinear, levels, rate, filter)
-        if natural.size == 1:
-            return _fixed_shape(float(damping[0]), float(turn[0]), tuple(as_levels(levels).tolist()))
         return exponential_sum.oscillation_shape(damping, turn, np.ldexp(1.0, as_levels(levels) - 1))
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -132,6 +130,15 @@ class OSC(Process):
         alias = cycle > math.pi
         amplitude = complex(self.scale, (-1.0 if alias else 1.0) * self.scale * damping / turn)
         return ExponentialSum.of_exponential(amplitude, complex(decay, 2.0 * math.pi - cycle if alias else cycle))
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Compute the Allan variance (u²) of clusters of n samples, twice the Haar wavelet variance."""
+        n, (damping, turn) = as_clusters(clusters), self._rates()
+        if turn < 1e-3 * math.tau * self.value("frequency"):
+            return super().allan_variance(n, rate)
+        rates = np.array([[damping], [turn]]) / as_rate(rate)
+        shape = exponential_sum.oscillation_shape(rates[0], rates[1], n.ravel().astype(np.float64))
+        return np.asarray(2.0 * self.scale * shape[0].reshape(n.shape))
 
     def memory(self, rate: float) -> int | None:
         """Return the lag at which the autocovariance is negligible; None if it is too large."""
@@ -225,13 +232,6 @@ def _relative_rates(quality: Vector) -> tuple[Vector, Vector]:
     """Return the damping a and the angular frequency ω, relative to ω₀."""
     ratio = 0.5 / quality
     return ratio, np.sqrt((1.0 - ratio) * (1.0 + ratio))
-
-
-@lru_cache(maxsize=256)
-def _fixed_shape(damping: float, turn: float, levels: tuple[int, ...]) -> Matrix:
-    """Return the wavelet variances (1, J) of one oscillator, which a search keeps while it varies other terms."""
-    h = np.ldexp(1.0, np.array(levels) - 1)
-    return freeze(exponential_sum.oscillation_shape(np.array([damping]), np.array([turn]), h))
 
 
 @lru_cache(maxsize=256)

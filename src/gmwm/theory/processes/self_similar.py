@@ -71,12 +71,15 @@ def bend(lags: Vector, epsilon: float) -> Vector:
     return out
 
 
+def binomials(epsilon: float) -> Vector:
+    """Compute the numbers (15,) of `falling` that differences of the running sum need."""
+    return np.array(falling(np.asarray(epsilon), _TERMS), dtype=np.float64)
+
+
 def _tail(t: Vector, epsilon: float) -> Vector:
     """Compute Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
-    y, total = 1.0 / (t * t), np.zeros_like(t)
-    for coefficient in reversed(falling(np.asarray(epsilon), _TERMS)):
-        total = (total + float(coefficient)) * y
-    return total
+    y = 1.0 / (t * t)
+    return np.asarray(y * np.polyval(binomials(epsilon)[::-1], y))
 
 
 def power_bend(lags: Vector, epsilon: float) -> Vector:
@@ -89,27 +92,6 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
     out[near] = (x + 1) ** p - 2 * x**p + np.abs(x - 1) ** p
     x = t[~near]
     out[~near] = np.exp(epsilon * np.log(x)) * (p * (1 + epsilon) + 2 * epsilon * _tail(x, epsilon))
-    return out
-
-
-def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Compute the second difference of q by 1, then by `step` ≥ 1: a covariance between two levels."""
-    t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
-    out = np.empty_like(t)
-    near = t < _NEAR * (1 + r)
-    x, by = t[near], r[near]
-    out[near] = bend(x + by, epsilon) - 2 * bend(x, epsilon) + bend(x - by, epsilon)
-    x, by = t[~near], r[~near]
-    # 4 Σ_s C(2 + ε, 2s)/ε (2s)! t^(2+ε−2s) Σ_{k+i=s} r^(2i)/((2k)!(2i)!): even derivatives of q times powers of steps.
-    derivatives = [float(c) * math.factorial(2 * k) for k, c in enumerate(falling(np.asarray(epsilon), _TERMS), 2)]
-    y, z = 1.0 / (x * x), (by / x) ** 2
-    total = np.zeros_like(x)
-    for i in range(_TERMS, 0, -1):
-        inner = np.zeros_like(x)
-        for k in range(_TERMS + 1 - i, 0, -1):
-            inner = inner * y + derivatives[i + k - 2] / (math.factorial(2 * k) * math.factorial(2 * i))
-        total = (total + inner) * z
-    out[~near] = 4 * np.exp(epsilon * np.log(x)) * total
     return out
 
 
