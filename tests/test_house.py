@@ -259,6 +259,7 @@ def test_public_names_say_what_they_are(name: str) -> None:
     assert not words.startswith(f"{name}("), name
 
 
+@pytest.mark.slow
 def test_the_figures_of_the_house_stay() -> None:
     limits = {"entries": 14, "classes": 0, "locals": 1, "participles": 3, "constants": 450, "codes": 110, "upward": 12}
     found = figures(PACKAGE)

@@ -15,7 +15,7 @@ from gmwm.measuring.inspection.knocks import knocks_of, level_length, steps_of
 from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend
-from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu, Signal
 from tests.helpers import codes
 
 RATE, SAMPLES = 100.0, 64_000
@@ -54,8 +54,8 @@ def repeated(count, same):
         (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
-        (lambda: of_motion(STILL, 0.8, ()), ["recording-settles"]),
-        (lambda: of_motion(STILL, 1.2, ()), ["recording-moved:tilted"]),
+        (lambda: of_motion(STILL, 0.8, (), EXTENT), ["recording-settles"]),
+        (lambda: of_motion(STILL, 1.2, (), EXTENT), ["recording-moved:tilted"]),
         (lambda: of_units({"gyro_x": np.radians(0.08)}), []),
         (lambda: of_units({"gyro_x": np.radians(0.12)}), ["unit-doubtful:density"]),
         (lambda: rounding(0.6), []),
@@ -193,3 +193,12 @@ def test_a_restart_is_a_jump_near_a_short_gap(distance, expected):
     (step,) = steps([0.0] * 100 + [2.0] * 100, 0.1, extent=extent, noise=1.0)
     assert step.time * RATE == pytest.approx(10_001)
     assert step.at_gap is expected
+
+
+@pytest.mark.parametrize(("deviation", "named"), [(9.0, False), (60.0, True)])
+def test_knocks_that_change_no_number_have_no_remark(deviation, named):
+    x = np.random.default_rng(4).normal(size=60_000)
+    x[30_000] = deviation
+    found = inspect(Imu({"gyro_x": Signal(x, 100.0, "rad/s", axis="gyro_x")}))
+    assert (len(found.knocks), found.has_knocks) == (1, named)
+    assert ("change N by less than 0.5 %" in found.summary()) is not named

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "gmwm/hermite_sums.hpp"
 #include "gmwm/lag_sums.hpp"
 #include "gmwm/lag_table.hpp"
 
@@ -81,6 +82,20 @@ Sums lag_sums(const Input<std::int64_t, 1>& levels, std::int64_t samples, bool d
   return {to_numpy(std::move(first)), to_numpy(std::move(second))};
 }
 
+Sums hermite_sums(const Input<std::int64_t, 1>& levels, std::int64_t samples, bool diagonal, const Process& given,
+                  const Vector& weights) {
+  const std::span<const std::int64_t> wanted = levels_of(levels, samples);
+  const gmwm::LagProcess process = process_of(given);
+  if (weights.size() > gmwm::hermite_powers) throw nb::value_error("there are more weights than powers");
+  const std::size_t size = wanted.size();
+  std::vector<double> variances(size), sums(diagonal ? size : size * (size + 1) / 2);
+  {
+    const nb::gil_scoped_release release;
+    gmwm::hermite_sums(wanted, samples, diagonal, process, view(weights), {variances, sums});
+  }
+  return {to_numpy(std::move(variances)), to_numpy(std::move(sums))};
+}
+
 }  // namespace
 
 void bind_lag_sums(nb::module_& m) {
@@ -92,4 +107,8 @@ void bind_lag_sums(nb::module_& m) {
         nb::arg("process"), nb::arg("tables"),
         "Sums over all lags of the covariances C of Haar coefficients of a process, and of C² + 2 C D, where D are the "
         "tables\ntimes their factors; see `gmwm.theory.processes.exponential_sum`.");
+  m.def("hermite_sums", &hermite_sums, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("diagonal"),
+        nb::arg("process"), nb::arg("weights"),
+        "The variances of the Haar coefficients of a process, and sums over all lags of the powers 4, 6, … of their "
+        "correlations,\nwith weights; see `gmwm.measuring.covariance.gaussian`.");
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "check.hpp"
+#include "gmwm/hermite_sums.hpp"
 #include "gmwm/lag_table.hpp"
 
 namespace {
@@ -126,6 +127,42 @@ void mixtures() {
   compare(one, two, 1e-11);
 }
 
+// Even powers of correlations, of a recording of some blocks of lags.
+void powers(const Process& process, double tolerance) {
+  const std::int64_t samples = 1500;
+  const std::vector<std::int64_t> levels{1, 2, 4, 7, 9};
+  const std::vector<double> weights{0.5, 0.1, 0.01};
+  std::vector<double> variances(5), sums(15), own(5), same(5);
+  gmwm::hermite_sums(levels, samples, false, process.view(), weights, {variances, sums});
+  gmwm::hermite_sums(levels, samples, true, process.view(), weights, {same, own});
+  const std::vector<Wide> k = process.running(2 * samples);
+  for (std::size_t b = 0, place = 0; b < levels.size(); ++b)
+    for (std::size_t a = 0; a <= b; ++a, ++place) {
+      const std::int64_t h = std::int64_t{1} << (levels[a] - 1), g = std::int64_t{1} << (levels[b] - 1);
+      const Wide size = difference(k, 0, h, h) * difference(k, 0, g, g);
+      Wide sum = 0;
+      for (std::int64_t u = 2 * g - samples; u <= samples - 2 * h; ++u) {
+        const Wide n = static_cast<Wide>(samples - std::max<std::int64_t>(u, 0) - std::max(2 * h - 1, 2 * g - 1 - u));
+        const Wide c = difference(k, u, h, g), x = c * c / size;
+        sum += n * x * x * (0.5L + x * (0.1L + x * 0.01L));
+      }
+      CHECK(std::abs(sums[place] - static_cast<double>(sum)) <= tolerance * std::sqrt(own[a] * own[b]));
+      if (a != b) continue;
+      CHECK(sums[place] == own[a]);
+      CHECK(std::abs(variances[a] - static_cast<double>(difference(k, 0, h, h))) <= 1e-9 * variances[a]);
+    }
+}
+
+void powers_of_oscillations() {
+  for (const double decay : {1.0, 0.1, 1e-3, 1e-6})
+    for (const double angle : {0.02, 0.3, 1.5, std::numbers::pi / 2, 3.1, std::numbers::pi}) {
+      Process process;
+      process.white = 0.01, process.walk = 1e-7, process.spikes = {0.2, 0.1};
+      process.add(1, 0, decay, angle), process.add(0.3, 0, 0.01, 0), process.add(0.3, 0, 1e-4, 0);
+      powers(process, 1e-7);
+    }
+}
+
 }  // namespace
 
 int main() {
@@ -133,5 +170,6 @@ int main() {
     elementary();
     exponentials();
     mixtures();
+    powers_of_oscillations();
   });
 }

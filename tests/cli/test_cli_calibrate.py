@@ -244,7 +244,7 @@ def test_a_dead_axis_does_not_fail_the_others(gmwm, recording, tmp_path):
     dead = tmp_path / "dead.csv"
     dead.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
     outcome = gmwm("calibrate", dead, "--within", "WN + RW", "--json")
-    assert "gyro_z is left out" in outcome.err
+    assert "leaves gyro_z out" in outcome.err
     found = outcome.json
     assert set(found["axes"]) == {"gyro_x", "gyro_y", "accel_x", "accel_y", "accel_z"}
 

@@ -4,6 +4,7 @@ import copy
 import json
 
 import jsonschema
+import pytest
 
 from gmwm.cli.main import NAMES, schema
 from gmwm.cli.main import SCHEMAS as FILE
@@ -19,6 +20,7 @@ def test_every_command_has_a_schema():
     assert set(NAMES) - WITHOUT == {name for name in SCHEMAS if not name.endswith("-event")}
 
 
+@pytest.mark.slow
 @each("name", ["calibration.json", "session.json", *SCHEMAS])
 def test_the_schema_is_one_and_is_printed(gmwm, name):
     jsonschema.Draft202012Validator.check_schema(schema(name))

@@ -5,9 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-import threading
-import time
-from types import SimpleNamespace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -28,6 +26,29 @@ def rows(begin=0, end=4000, seed=1):
 @pytest.fixture(autouse=True)
 def fast(monkeypatch):
     monkeypatch.setattr(growing_files, "POLL_S", 0.005)
+
+
+class Clock:
+    """A clock that only waiting moves. Each wait for new data lets the next thing happen."""
+
+    def __init__(self):
+        self.now, self.coming = 0.0, []
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+        if self.coming:
+            self.coming.pop(0)()
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(growing_files, "time", clock)
+    monkeypatch.setattr("gmwm.cli.watch.time", clock)
+    return clock
 
 
 def piped(text, *options):
@@ -70,48 +91,36 @@ def test_the_table_at_the_end():
 
 
 @pytest.mark.slow
-def test_a_growing_file_is_shown_in_lines(tmp_path, gmwm):
+def test_a_growing_file_is_shown_in_lines(tmp_path, gmwm, clock):
     """A writer that leaves lines half written, and then nothing more."""
     path = tmp_path / "log.csv"
     text = HEAD + "".join(rows())
     path.write_text(text[:30_000])
-
-    def write():
-        with path.open("a") as file:
-            for k in range(30_000, len(text), 7001):
-                file.write(text[k : k + 7001])
-                file.flush()
-                time.sleep(0.03)
-
-    writer = threading.Thread(target=write)
-    writer.start()
-    found = gmwm("watch", path, "--every", "0.1s", "--idle", "1.5s", "--axis", "gyro_x")
-    writer.join()
+    clock.coming = [partial(add, path, text[k : k + 7001]) for k in range(30_000, len(text), 7001)]
+    found = gmwm("watch", path, "--every", "0.01s", "--idle", "1.5s", "--axis", "gyro_x")
     assert found.code == 0
     told = [line for line in found.out.splitlines() if " samples | gyro_x: " in line]
     counts = [int(line.split(" samples")[0].rsplit(" ", 1)[1]) for line in told]
     assert counts == sorted(set(counts))
     assert len(counts) > 1
     assert "4000 samples at 100 Hz" in found.out
+    assert 1.5 < clock.now < 2.0
+
+
+def add(path, text):
+    with path.open("a") as file:
+        file.write(text)
 
 
 @pytest.mark.slow
-def test_the_end_of_the_file_is_remarked(tmp_path, gmwm, monkeypatch):
+def test_the_end_of_the_file_is_remarked(tmp_path, gmwm, clock):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()) + "40.00,0.0")
     found = gmwm("watch", path, "--idle", "0.2s", "--all-remarks")
     assert "[last-line]" in found.err
     assert "4000 samples" in found.out
-    waits = []
-
-    def sleep(seconds):
-        # The watch waits for the first time when it has read all complete lines.
-        waits.append(seconds)
-        if len(waits) == 1:
-            path.write_text("time\n")
-        time.sleep(seconds)
-
-    monkeypatch.setattr(growing_files, "time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
+    # The watch waits for the first time when it has read all complete lines.
+    clock.coming = [lambda: path.write_text("time\n")]
     found = gmwm("watch", path, "--idle", "20s")
     (line,) = (line for line in found.err.splitlines() if line.endswith("[watch-ended]"))
     assert "5 bytes" in line
@@ -120,15 +129,10 @@ def test_the_end_of_the_file_is_remarked(tmp_path, gmwm, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm):
+def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm, clock):
     path = tmp_path / "log.csv"
     path.write_text(HEAD + "".join(rows()))
-
-    def spoil():
-        with path.open("a") as file:
-            file.write("40.00,a,b\n")
-
-    threading.Timer(4.0, spoil).start()
+    clock.coming = [partial(add, path, "40.00,a,b\n")]
     found = gmwm("watch", path, "--idle", "20s")
     assert found.code == 2
     assert all(fact in found.err for fact in ("line 4002", "gyro_x [rad/s]", "'a'"))

@@ -88,6 +88,7 @@ def error(found, expected, levels, other=None):
     return np.max(np.abs(found - expected) / (scale[coarser] * scale[finer]))
 
 
+@pytest.mark.slow
 @each("name", CASES)
 def test_against_sums_lag_by_lag(name):
     levels, samples = np.arange(1, 7), 77
@@ -121,6 +122,7 @@ SMOOTH = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @each("other", SMOOTH)
 @each("name", ["walk", "spikes", "period of four", "lasting resonance", "all"])
 def test_products_with_a_table(name, other):
@@ -196,7 +198,7 @@ def test_arma_near_the_unit_circle(lost):
     theta = np.poly([0.9 * np.exp(0.4j), 0.9 * np.exp(-0.4j), 0.5, -0.5, 0.3]).real[1:]
     process = ARMA(phi=phi.tolist(), theta=theta.tolist(), sigma2=2.0)
     amplitudes, decays = poles_of(phi, theta, 2.0)
-    levels = np.array([1, 6, 12, 19])
+    levels = np.array([1, 12, 19])
     expected = oracle.closed_sums(levels.tolist(), 10**6, oracle.Terms(amplitudes=amplitudes, decays=decays))
     found = lag_sums(levels, 10**6, process.exponential_sum(RATE), diagonal=False)[1]
     assert error(found, expected, levels.size) < 1e-9
@@ -269,6 +271,7 @@ class PowerLaw:
         return [mpmath.mpf(0)] + [factor * m**2 * power(mpmath.mpf(m)) / 2 for m in range(1, last + 1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("epsilon", [-1.9, -1.0, -0.5, 0.0, 0.5, 1.0, self_similar.STEEPEST])
 def test_power_laws_are_mixtures(epsilon):
     levels, samples, law = np.arange(1, 7), 70, PowerLaw(epsilon)

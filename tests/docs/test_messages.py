@@ -7,6 +7,7 @@ import pytest
 from docs.message_pages import FOLDER, contents
 from gmwm.base.remarks import Severity, messages
 from gmwm.base.remarks.registry import SECTIONS
+from tests.helpers import each
 
 
 @pytest.mark.parametrize("page", [pytest.param(path, id=path.name) for path in contents()])
@@ -34,7 +35,7 @@ def test_the_first_page_leads_to_every_code_and_has_all_severities():
     assert re.findall(r"^\| (\w+) \|", text, re.MULTILINE)[1:] == [severity.label for severity in Severity]
 
 
-@pytest.mark.parametrize("message", [pytest.param(message, id=message.code) for message in messages().values()])
+@each("message", messages().values())
 def test_an_entry_has_the_meaning(message):
     text = (FOLDER / f"{message.section}.md").read_text(encoding="utf-8")
     (entry,) = re.findall(rf"^## `{message.code}`\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)

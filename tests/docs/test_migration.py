@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 
@@ -30,3 +31,15 @@ def test_each_function_of_the_published_indexes_has_one_row():
     assert set(counts) == names - set(INTERNAL.split())
     assert set(counts.values()) == {1}
     assert all(row[-1].rstrip(" |") for row in rows)
+
+
+def test_each_name_of_gmwm_in_the_tables_exists():
+    section = PAGE.read_text(encoding="utf-8").partition("## Every function")[2].partition("## The same numbers")[0]
+    rows = [line.split(" | ") for line in section.split("\n") if line.startswith("| ")]
+    codes = [code for row in rows if len(row) > 1 for code in re.findall("`([^`]+)`", row[1])]
+    names = {match[1] for code in codes if (match := re.match(r"(?:gmwm\.)?([a-z_]+(?:\.[a-z_]+)*)(?:\(|$)", code))}
+    objects = ("fit", "ml", "wv", "curves", "calibration", "made", "numpy")
+    names = {name for name in names if not name.startswith(tuple(f"{object}." for object in objects))}
+    assert len(names) > 20
+    for name in names:
+        resolve_name(f"gmwm.{name}")

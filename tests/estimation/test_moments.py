@@ -39,6 +39,7 @@ def bounds(model: str, samples: int) -> np.ndarray:
     return np.sqrt(np.diag(np.linalg.inv(samples / 2 * every @ every.T / z.size)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "before"), [("MA(1)", 1.8), ("MA(2)", 2.2), ("ARMA(2,1)", 3.5), ("AR(2)", 1.0)])
 def test_standard_errors_are_near_those_of_maximum_likelihood(model, before):
     x = recording(model, 20_000, 3)
@@ -51,6 +52,7 @@ def test_standard_errors_are_near_those_of_maximum_likelihood(model, before):
     assert two.max() < 1.1
 
 
+@pytest.mark.slow
 def test_intervals_and_tests_hold_in_simulated_recordings():
     inside, pvalues = [], []
     for seed in range(30):

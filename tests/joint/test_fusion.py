@@ -121,6 +121,7 @@ def test_what_a_user_sees(tmp_path):
     virtual = fuse(array(n=1 << 15), 1.0, horizon=2048.0)
     assert json.loads(json.dumps(virtual.to_dict()))["axes"]["gyro_x"]["weights"].keys() == array(n=8).keys()
     assert virtual.to_polars().shape == (15, 7)
+    assert list(virtual) == ["gyro_x"]
     assert pickle.loads(pickle.dumps(virtual)).summary() == virtual.summary()
     virtual.plot(path=tmp_path / "virtual.png")
     assert (tmp_path / "virtual.png").stat().st_size > 10_000

@@ -24,6 +24,16 @@ def partial_by_regression(r: np.ndarray) -> np.ndarray:
     return np.array([1.0, *(np.linalg.solve(toeplitz(r[:k]), r[1 : k + 1])[-1] for k in range(1, r.size))])
 
 
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
+def test_an_array_has_one_sample_a_second_if_nothing_else_is_said():
+    x = recording(400, 5)
+    result = evaluate(["WN", "AR(1)"], x)
+    assert list(result) == list(evaluate(["WN", "AR(1)"], x, 1.0).forecasts)
+    assert gmwm.fit_ml("AR(1)", x).parameters == gmwm.fit_ml("AR(1)", x, 1.0).parameters
+    figure = gmwm.plots.plot_autocorrelation(x, robust=True, model=gmwm.fit_ml("AR(1)", x))
+    assert figure.axes[0].get_ylabel() == "Autocorrelation"
+
+
 def test_theory_agrees_with_the_impulse_response_and_with_yule_walker():
     impulse = np.zeros(2000)
     impulse[0] = 1.0

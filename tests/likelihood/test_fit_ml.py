@@ -328,7 +328,6 @@ def good():
         ("WN", np.full(100, 3.0), {}, ModelError, ("constant",)),
         ("WN", good()[:7], {}, DataError, (8, 7)),
         ("WN", good().reshape(10, 10), {}, DataError, ("data", "(10, 10)")),
-        ("WN", good(), {"rate": None}, OptionError, ("rate",)),
         ("WN", good(), {"rate": -1.0}, OptionError, ("rate",)),
         ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, ("rate", 100, 50.0)),
         ("WN", good(), {"mean": "none"}, OptionError, ("mean", "finite", "'none'")),

@@ -26,6 +26,10 @@ def airline(samples: int, seed: int) -> np.ndarray:
     return lfilter(average, operator, noise)
 
 
+def test_the_summary_states_the_differences():
+    assert fit_arima("MA(1)", arima(0.5, 200, 2)).summary().startswith("1 differences of 200 samples\nMA(1) by")
+
+
 def test_the_fit_is_that_of_the_differences_and_the_forecast_that_of_the_recursion():
     x = arima(0.5, 600, 1)
     result = fit_arima("MA(1)", x, 1.0)
@@ -40,6 +44,7 @@ def test_the_fit_is_that_of_the_differences_and_the_forecast_that_of_the_recursi
     assert high - low == pytest.approx(2 * 1.6449 * forecast.error, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_seasonal_forecast_contain_the_series():
     inside = []
     for seed in range(16):

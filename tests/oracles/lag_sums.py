@@ -71,7 +71,7 @@ def _coefficients(k: list[Any], u: int, h: int, g: int) -> Any:
     total = mpmath.mpf(0)
     for a, weight_a in ((0, 1), (h, -2), (2 * h, 1)):
         for b, weight_b in ((0, 1), (g, -2), (2 * g, 1)):
-            total += weight_a * weight_b * k[abs(u - b + a)]
+            total = total + weight_a * weight_b * k[abs(u - b + a)]
     return total
 
 

@@ -75,6 +75,7 @@ def test_from_a_quality_of_two_on_it_is_an_oscillation(quality, frequency):
     assert OSC(frequency=0.2, quality=quality, sigma2=1.0).oscillation() == frequency
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_n_and_k_leave_out_an_oscillation_slower_than_the_horizon():
     noise = "WN(sigma2=1e-6) + RW(gamma2=1e-14)"

@@ -69,6 +69,7 @@ def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path)
     assert codes(gmwm.read(path, rate=100).remarks) == ["unit-named:unit"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jitter", [0.0, 1e-4])
 @pytest.mark.parametrize("every", [3, 5, 30, 50, 99])
 def test_the_declared_rate_decides_for_any_share_of_regular_losses(tmp_path, every, jitter):
@@ -118,6 +119,7 @@ def test_times_that_no_clock_shows_are_refused(tmp_path, stamp, row):
             act(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [50, 20_000])
 @pytest.mark.parametrize("share", [0.05, 0.4])
 @pytest.mark.parametrize("other", [";", "\t", " ", ",0,", ";0,"])

@@ -291,6 +291,7 @@ def test_a_long_table_asks_for_the_sensor(tmp_path):
         gmwm.read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 def test_a_layout_is_read_without_options(tmp_path, layout, recwarn):
     require_recording(tmp_path / layout.file, layout)

@@ -214,6 +214,7 @@ RECORDS = [
 LAYOUTS = [*CLOCKS, *PROGRAMS, *RECORDS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 def test_a_file_of_a_logger_is_read(tmp_path, layout):
     require_recording(tmp_path / layout.file, layout)

@@ -132,6 +132,7 @@ def test_numbers_that_their_type_cannot_hold_are_refused(tmp_path, value):
         read(path, 100.0)
 
 
+@pytest.mark.slow
 def test_a_bomb_is_not_unpacked(tmp_path):
     packed = zlib.compress(bytes(256 << 20), 9)
     path = saved(tmp_path, "5", gyro=VALUES[:, :3])

@@ -23,7 +23,7 @@ from gmwm.base.remarks.rendering import examples
 from tests.helpers import each
 from tests.remarks.snapshot import file_of, rendered
 
-ALL = [pytest.param(message, id=message.code) for message in messages().values()]
+ALL = tuple(messages().values())
 
 
 @pytest.mark.parametrize("dialect", Dialect)
@@ -41,7 +41,7 @@ def test_a_message_is_complete(message):
         assert not isinstance(text, Choice) or len(text.templates) > 1
 
 
-@pytest.mark.parametrize("message", ALL)
+@each("message", ALL)
 def test_what_makes_numbers_wrong_has_a_name_in_plain_words(message):
     assert message.cause or not (message.raises or message.spoils)
 

@@ -89,8 +89,12 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
             "look",
         ),
         ((Remark.of("unit-contradicted", "gyro", case="declared", unit="rad/s", stated="deg/s"),), "look"),
-        ((Remark.of("level-steps", "gyro_x", case="clear", count=1, first=Quantity(3.0, "s")),), "look"),
-        ((Remark.of("unit-doubtful", case="gravity", norm=Quantity(19.6), expected=Quantity(9.81)),), "bad"),
+        (
+            (Remark.of("level-steps", "gyro_x", case="clear", count=1, places=("3 s",), first=Quantity(3.0, "s")),),
+            "look",
+        ),
+        ((Remark.of("unit-doubtful", "accel", case="gravity", norm=Quantity(19.6), expected=Quantity(9.81)),), "look"),
+        ((Remark.of("unit-doubtful", "gyro_x", case="density", density=Quantity(1.0), limit=Quantity(0.1)),), "bad"),
     ],
 )
 def test_remarks_on_the_recording_reach_the_verdict(remarks, state):

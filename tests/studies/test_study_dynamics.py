@@ -10,9 +10,10 @@ pytestmark = pytest.mark.slow
 
 def test_parameters_follow_a_moving_condition(tmp_path):
     result = study_dynamics.run(reduced=True)
-    # Of 16 intervals at 95 %, four or more miss by chance in one of 140 runs.
+    # Of 27 intervals at 95 %, seven or more miss by chance in one of 3500 runs.
     assert np.mean([share for row in result["rows"] for share in row["covered"]]) > 0.75
-    assert [row["change"] for row in result["rows"]][2:] == [1.0] * 3
+    certain = {row["name"] for row in result["rows"] if row["change"] == [1.0, 1.0]}
+    assert certain >= {"WN on ramps", "AR1, irregular", "AR1, quick", "GM, irregular"}
     study_dynamics.draw(result, tmp_path / "dynamics.svg")
     assert "AR1, quick" in (tmp_path / "dynamics.svg").read_text(encoding="utf-8")
 

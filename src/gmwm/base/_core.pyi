@@ -296,6 +296,12 @@ def lag_sums(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='
     times their factors; see `gmwm.theory.processes.exponential_sum`.
     """
 
+def hermite_sums(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, diagonal: bool, process: tuple[float, float, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    The variances of the Haar coefficients of a process, and sums over all lags of the powers 4, 6, … of their correlations,
+    with weights; see `gmwm.measuring.covariance.gaussian`.
+    """
+
 def autoregress(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], phi: float, first: float, rest: float) -> None:
     """
     Turn each row x in place into y_0 = first x_0, y_t = phi y_{t-1} + rest x_t.

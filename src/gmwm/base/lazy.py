@@ -1,8 +1,14 @@
-"""SciPy and Polars, imported when something of them is used: together they take 0.5 s."""
+"""SciPy and Polars, imported when something of them is used: together they take 0.5 s; and the reader of TOML."""
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
+
+if sys.version_info >= (3, 11):
+    import tomllib as tomllib
+else:
+    pass
 
 if TYPE_CHECKING:
     import polars as polars

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -72,9 +72,26 @@ def needed_beginning() -> int:
     return max((addition.beginning for addition in axis_additions()), default=0)
 
 
+class _Joined(Mapping[str, Signal]):
+    """Samples of each axis, joined when they are read: all axes together need as much memory as the recording."""
+
+    def __init__(self, accumulators: Mapping[str, AxisAccumulator]) -> None:
+        self._accumulators = accumulators
+
+    def __getitem__(self, axis: str) -> Signal:
+        return self._accumulators[axis].samples()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._accumulators)
+
+    def __len__(self) -> int:
+        return len(self._accumulators)
+
+
 class AxisAccumulator:
     """Wavelet variances (or None, elsewhere), outliers, tails and spectrum of one axis. `turn` is a lock for them that
-    a stream's axes share to save memory; the first `beginning` samples are kept without knocks, with `keep` all."""
+    a stream's axes share to save memory; the first `beginning` samples are kept without knocks, with `keep` all until
+    `forget`."""
 
     def __init__(
         self, rate: float, unit: str, axis: str, curves: AxisCurves | None = None, *,
@@ -110,11 +127,19 @@ class AxisAccumulator:
             first = replace(first, values=first.values.copy())
         self.beginning = first
 
+    @property
+    def ranges(self) -> tuple[object, ...]:
+        """Parts of the samples that were kept, and whether each continues the one before."""
+        return tuple((signal.segments, continues) for signal, continues in self._samples)
+
     def samples(self) -> Signal:
-        """Return the samples that were kept, with short gaps filled, and free their memory."""
-        parts, self._samples = self._samples, []
-        signals, continues = zip(*parts, strict=True)
+        """Return the samples that were kept, with short gaps filled."""
+        signals, continues = zip(*self._samples, strict=True)
         return signals[0] if len(signals) == 1 else end_to_end(signals, continues)
+
+    def forget(self) -> None:
+        """Free the memory of the samples that were kept."""
+        self._samples.clear()
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add a batch of the first pass. `continues` says whether it follows the previous batch without a gap."""
@@ -241,18 +266,21 @@ def _findings(
     needed = [in_memory and addition.needs(list(accumulators)) for addition in recording_additions()]
     if not any(needed):
         return ()
-    samples = {axis: item.samples() for axis, item in accumulators.items()}
-    if len({signal.segments for signal in samples.values()}) > 1:
+    samples: Mapping[str, Signal] = _Joined(accumulators)
+    if len({item.ranges for item in accumulators.values()}) > 1:
         # A sensor restarted at a gap that was filled on the axes of other sensors. Now, all axes are split there.
         with_gaps = join_batches([conditions.batch(batch) for batch in batches]).signals
         samples = fill_gaps({
             axis: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]) for axis, item in accumulators.items()
         })  # fmt: skip
     return_memory()
-    return tuple(
+    findings = tuple(
         addition.of_recording(samples, threads=threads) if need else None
         for addition, need in zip(recording_additions(), needed, strict=True)
     )
+    for item in accumulators.values():
+        item.forget()
+    return findings
 
 
 def _batches_of(recording: Imu | Streamed, progress: Callable[[str], None]) -> Batches:

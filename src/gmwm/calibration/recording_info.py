@@ -44,8 +44,8 @@ class Recording(Documented):
         return cls(
             samples=inspection.samples, rate=inspection.rate, duration=inspection.duration,
             segments=inspection.segments, missing=float(missing), jitter=float(base.jitter) if base.stamped else None,
-            static=bool(inspection.static), knocks=len(inspection.knocks), gravity=inspection.gravity,
-            temperature=inspection.temperature,
+            static=bool(inspection.static), knocks=len(inspection.knocks) * inspection.has_knocks,
+            gravity=inspection.gravity, temperature=inspection.temperature,
         )  # fmt: skip
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:

@@ -233,7 +233,7 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         ["model", *(item.fit.model.structure.replace(" ", "") for item in calibrations)],
         ["equivalent", *(_others(item) for item in calibrations)],
         ["p of the fit", *("no test" if item.test is None else item.test.pvalue_in_words for item in calibrations)],
-        ["outliers", *(_outliers(item) for item in calibrations)],
+        ["outliers", *(outliers_word(item) for item in calibrations)],
     ]
     # If one axis has several Gauss-Markov terms, the only such term of another axis is in the row of the first term.
     several = {symbol for item in calibrations for symbol in item.datasheet if symbol.endswith(_FIRST)}
@@ -329,10 +329,9 @@ def _others(calibration: AxisCalibration) -> str:
     return "none" if others < 1 else counted(others, "model")
 
 
-def _outliers(calibration: AxisCalibration) -> str:
-    if calibration.verdict is None:
-        return "not tested"
-    if not np.any(calibration.verdict.tested):
+def outliers_word(calibration: AxisCalibration) -> str:
+    """Return in a word what a test for outliers found on an axis, and what was done with them."""
+    if calibration.verdict is None or not np.any(calibration.verdict.tested):
         return "not tested"
     if not calibration.verdict.contaminated:
         return "replaced" if calibration.verdict.replaced.knocks or calibration.verdict.replaced.spikes else "none"
@@ -370,7 +369,7 @@ def legend(calibration: Calibration) -> str:
             f"noise. bias rms: its changes over {duration_text(max(bias.duration for bias in biases))}."
         )
     if any(bias.bias is None for bias in calibration.rest.values()):
-        lines += " tilt unknown: tell calibrate how level the unit stood (tilt, gravity)."
+        lines += " tilt unknown: tell calibrate how level the unit stood (options tilt and gravity)."
     if any(bias.turn_on is not None for bias in biases):
         lines += " turn-on: standard deviation of the bias between recordings."
     if any(item.replicates for item in calibration.axes.values()):

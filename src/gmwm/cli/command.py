@@ -12,17 +12,12 @@ from typing import Any
 
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.extras import library
+from gmwm.base.lazy import tomllib
 from gmwm.base.text import counted
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
 from gmwm.recording.options import ReadOptions
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 
 OPTIONS = ("rate", "units", "columns", "scale", "increments", "mount", "format", "topic")
 """Options that describe the files of a logger. All others belong to one recording or one run."""

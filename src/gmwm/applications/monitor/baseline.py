@@ -197,12 +197,12 @@ def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
         return np.zeros(0)
     sizes = np.array([part.size for part in long])
     starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (charts.BLOCKS_OF_LEVEL * m)
-    first = np.repeat(starts - charts.BLOCKS_OF_LEVEL * m * (np.cumsum(counts) - counts), counts)
-    places = first[:, None] + np.arange(counts.sum() * charts.BLOCKS_OF_LEVEL * m).reshape(
-        -1, charts.BLOCKS_OF_LEVEL * m
-    )
+    length = charts.BLOCKS_OF_LEVEL * m
+    first = np.repeat(starts - length * (np.cumsum(counts) - counts), counts) + length * np.arange(np.sum(counts))
+    if not first.size:
+        return np.zeros(0)
     squares = np.square(charts.differences(np.concatenate(long), m)) / 2.0**level
-    return np.asarray(squares[places].mean(axis=1))
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1))
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:

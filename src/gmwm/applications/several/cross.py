@@ -405,9 +405,13 @@ def shared_noise(
     Beyond `MOST_BLOCK_MEANS`, means of 2^k samples are tested, without the k finest scales. Linear trends are removed,
     as unrelated drifts correlate at the largest scales. Axes without noise at a scale are left out."""
     try:
-        filled = synchronous_signals(signals, None, fill=fill)
-        k = max(0, (len(next(iter(filled.values()))) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
-        means = in_threads(lambda _, signal: _detrend(block_means(signal, k)), filled, threads=threads)
+        means, k = dict[str, Signal](), 0
+        for axis, signal in (synchronous_signals(signals, None) if fill else signals).items():
+            k = max(0, (len(signal) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
+            means[axis] = block_means(signal, k)
+        means = in_threads(
+            lambda _, signal: _detrend(signal), synchronous_signals(means, None, fill=False), threads=threads
+        )
         curves = in_threads(lambda _, signal: measure(signal, False, 0.6), means, threads=threads)
         curves = {axis: wv for axis, wv in curves.items() if np.all(wv.variance > 0)}
         unit = units_of(curves)

@@ -314,7 +314,7 @@ def _shares(measured: WaveletMatrices, horizon: Horizon) -> Vector:
             low, high = (duration_text(measured.tau[k]) for k in (0, -1))
             raise OptionError(
                 f"the scale {end:g} s is outside the scales of the recording, {low} to {high}",
-                argument="horizon", got=horizon, advice="Choose a scale {--horizon} inside.",
+                argument="horizon", got=horizon, advice="Pass {--horizon} with a scale inside.",
             )  # fmt: skip
     if isinstance(horizon, tuple):
         inside = (measured.tau >= horizon[0] * (1 - 1e-9)) & (measured.tau <= horizon[1] * (1 + 1e-9))

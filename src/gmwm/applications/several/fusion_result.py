@@ -7,7 +7,7 @@ predicts w₀ᵀ b_p best."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -387,10 +387,10 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised, Plotted, Tabular):
+class VirtualSensor(Summarised, Plotted, Tabular, Mapping[str, VirtualAxis]):
     """A virtual sensor that fuses an array of sensors of the same type.
 
-    `virtual["gyro_x"]` returns one of its axes.
+    A mapping of axis to its weights and noise: `virtual["gyro_x"]`.
 
     Attributes
     ----------
@@ -408,6 +408,12 @@ class VirtualSensor(Summarised, Plotted, Tabular):
         if axis not in self.axes:
             raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
         return self.axes[axis]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.axes)
+
+    def __len__(self) -> int:
+        return len(self.axes)
 
     def apply(self, x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None) -> Imu:
         """Fuse a recording of the same array, at rest or in motion.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -12,12 +11,8 @@ from importlib.resources import files
 from string import Formatter
 from typing import Any
 
+from gmwm.base.lazy import tomllib
 from gmwm.base.template import Fact, Quantity
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 
 class Severity(IntEnum):

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,6 @@ from gmwm.files.formats.byte_sources import FileSource, recoded
 from gmwm.files.formats.dialect import split_line
 from gmwm.files.formats.text_rows import OR_SKIP
 
-_DAY = 86_400 * 10**9
-_YEAR = 365.25
 _COLUMN = re.compile(
     r"[_ ]*d?[_ ]*(?P<axis>e|east|n|north|u|up|h|height|level)[_ ]*[\[(]?(?P<unit>[cm]?m)?[\])]?", re.I
 )
@@ -36,25 +34,30 @@ _AXES = {"e": "east", "n": "north", "u": "up", "h": "up", "l": "level"}
 _TIME = re.compile(r"\W*(date|epoch|mjd|year|dec\w*[ _]year|yyyy.yyyy)\b.*|", re.I)  # or no name
 _DATE = re.compile(r"(\d{4})([-/.]?)(\d\d)\2(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d*)?))?Z?)?")
 _MISSING = {"", "na", "nan", "null", "-99999"}
+_Columns: TypeAlias = tuple[tuple[str, str, tuple[int, ...]], ...]
+_KNOWN: tuple[tuple[str, str, _Columns], ...] = (
+    (
+        "tenv3", r"\w{4} \d\d[A-Z]{3}\d\d +\d{4}\.\d+ +\d{5} ",
+        (("time", "", (3,)), ("east", "m", (7, 8)), ("north", "m", (9, 10)), ("up", "m", (11, 12))),
+    ),
+    (
+        ".pos", r" ?\d{8} \d{6} \d{5}\.\d+ +(?:\S+ +){20}",
+        (("time", "", (2,)), ("east", "m", (16,)), ("north", "m", (15,)), ("up", "m", (17,))),
+    ),
+    ("PSMSL", r" *\d{4}\.\d+; *-?\d+; *\w+;\d{3}", (("time", "", (0,)), ("level", "mm", (1,)))),
+)  # fmt: skip
+"""Name of a format, pattern of its rows, and the name and unit of each column with the cells whose sum it is."""
 
 
 @dataclass(frozen=True)
 class _Form:
-    """Form of the rows: the delimiter, the cells whose sum is each column, the place of the time among the columns, the
-    names and units of the columns, and the first row."""
+    """Form of a file: the columns as in `_KNOWN`, the place of the time among them, the delimiter and the first row."""
 
     title: str
-    delimiter: str
-    cells: tuple[tuple[int, ...], ...]
+    columns: _Columns
     time: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    delimiter: str
     first: int
-
-    @property
-    def is_position(self) -> bool:
-        """Whether a column is a position, and none is of an inertial sensor."""
-        return any(map(_axis, self.names)) and not any(recognise(name).axis in AXES for name in self.names)
 
 
 @register
@@ -67,7 +70,8 @@ class SeriesReader(Reader):
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.9 for a known form, or for a table with a time in days and a column such as up."""
         form = _form(head.decode("latin-1").splitlines()[:200], _TIME)
-        return 0.9 if form is not None and (form.title != "a table" or form.is_position) else 0.0
+        names = [name for name, _, _ in form.columns] if form is not None else []
+        return 0.9 * (any(map(_axis, names)) and not any(recognise(name).axis in AXES for name in names))
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording, whose time stamps have equal intervals."""
@@ -78,11 +82,11 @@ class SeriesReader(Reader):
                 f"{path} has no column of dates (2019-03-01), decimal years or modified Julian days", code="no-time",
                 advice="Add one, or name another format with {--format}.",
             )  # fmt: skip
-        axes = ["time" if k == form.time else _axis(name) for k, name in enumerate(form.names)]
-        units = ["ns" if k == form.time else unit for k, unit in enumerate(form.units)]
         remark = Remark.of("file-content", case="layout", format=f"{form.title} of positions")
+        channels = [Channel(name, unit, _axis(name)) for name, unit, _ in form.columns]
+        channels[form.time] = Channel(channels[form.time].name, "ns", "time")
         first = tuple(split_line(lines[form.first], form.delimiter))
-        return (Layout(tuple(map(Channel, form.names, units, axes)), first, remarks=(remark,), state=form),)
+        return (Layout(tuple(channels), first, remarks=(remark,), state=form),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Yield the rows with a value, in the order of their times, which are multiples of the interval."""
@@ -93,7 +97,7 @@ class SeriesReader(Reader):
             try:
                 rows.append([
                     _time(cells[group[0]]) if k == form.time else sum(_number(cells[cell]) for cell in group)
-                    for k, group in enumerate(form.cells)
+                    for k, (_, _, group) in enumerate(form.columns)
                 ])  # fmt: skip
             except (ValueError, IndexError):
                 if cells != [""] and not layout.skip_bad_lines:
@@ -123,23 +127,19 @@ def _axis(name: str) -> str:
 def _form(lines: Sequence[str], time: re.Pattern[str] | None = None) -> _Form | None:
     """Return the form of the rows of a file; None if they have no time in days. A column of numbers is a time if its
     name matches `time`."""
-    position = ("time", "east", "north", "up")
     for k, line in enumerate(lines):
         delimiter = next((sign for sign in ";,\t" if sign in line), " ")
+        for title, pattern, columns in _KNOWN:
+            if re.match(pattern, line):
+                return _Form(title, columns, time=0, delimiter=delimiter, first=k)
         cells = split_line(line, delimiter)
-        if re.match(r"\w{4} \d\d[A-Z]{3}\d\d +\d{4}\.\d+ +\d{5} ", line):
-            return _Form("tenv3", " ", ((3,), (7, 8), (9, 10), (11, 12)), 0, position, ("", "m", "m", "m"), k)
-        if re.match(r" ?\d{8} \d{6} \d{5}\.\d+ ", line) and len(cells) > 23:
-            return _Form(".pos", " ", ((2,), (16,), (15,), (17,)), 0, position, ("", "m", "m", "m"), k)
-        if re.match(r" *\d{4}\.\d+; *-?\d+; *\w+;\d{3}", line):
-            return _Form("PSMSL", ";", ((0,), (1,)), 0, ("time", "level"), ("", "mm"), k)
         header = split_line(re.sub(r"^[#%* ]+", "", lines[k - 1]), delimiter) if k else []
         names = header if len(header) == len(cells) else [""] * len(cells)
         timed = [j for j, cell in enumerate(cells) if _is_time(cell, time is None or bool(time.fullmatch(names[j])))]
         if timed and len(cells) > 1 and not any(map(is_time_of_day, cells)):
-            units = (match["unit"] or "" if (match := _COLUMN.fullmatch(name)) else "" for name in names)
-            places = tuple((j,) for j in range(len(cells)))
-            return _Form("a table", delimiter, places, timed[0], tuple(names), tuple(units), k)
+            units = [match["unit"] or "" if (match := _COLUMN.fullmatch(name)) else "" for name in names]
+            columns = tuple((name, units[j], (j,)) for j, name in enumerate(names))
+            return _Form("a table", columns, time=timed[0], delimiter=delimiter, first=k)
     return None
 
 
@@ -177,7 +177,7 @@ def _regular(times: Vector, path: Path) -> NDArray[np.int64]:
     interval = float(np.median(np.diff(np.sort(days)))) if days.size > 1 else 1.0
     if 27 < interval < 32:
         place = np.floor(days).astype("M8[D]").astype("M8[M]").astype(np.float64)
-        interval = _YEAR / 12
+        interval = 365.25 / 12
     else:
         interval = max(1.0, round(interval)) if interval > 0.9 else max(round(interval * 86_400, 3), 1e-3) / 86_400
         place = (days - days.min()) / interval
@@ -190,7 +190,8 @@ def _regular(times: Vector, path: Path) -> NDArray[np.int64]:
             f"{path}: the time {date} is repeated, or no multiple of the interval of {interval:g} days from the first "
             "one", code="time-order", advice="Remove the row, or name the column of the time with {--columns}.",
         )  # fmt: skip
-    return np.asarray(round(days.min() * _DAY) + round(interval * _DAY) * whole)
+    ns = 86_400 * 10**9
+    return np.asarray(round(days.min() * ns) + round(interval * ns) * whole)
 
 
 def _from_years(years: Vector) -> Vector:
@@ -200,5 +201,5 @@ def _from_years(years: Vector) -> Vector:
     begin = (whole - 1970).astype("M8[Y]").astype("M8[D]").astype(np.float64)
     end = (whole - 1969).astype("M8[Y]").astype("M8[D]").astype(np.float64)
     # 2000.0 is 2000-01-01 12:00 in the decimal years of tenv3.
-    both = ((years - 2000) * _YEAR + 10_957.5, begin + (years - whole) * (end - begin))
+    both = ((years - 2000) * 365.25 + 10_957.5, begin + (years - whole) * (end - begin))
     return max(both, key=lambda days: abs(np.mean(np.exp(2j * np.pi * days))))

@@ -105,13 +105,21 @@ class Stack:
                 weights = phi[_parts_of(wv, len(phi))]
             if follow is None:
                 return np.asarray(np.mean(weights, axis=1) * unit_shape(process, wv.levels, wv.rate, filter))
-            u = follow.u[s]
-            theta = follow.link.values(process, follow.a + follow.b * u.reshape(-1, 1))
-            values = process.moments(theta, wv.levels, wv.rate, filter).reshape(*u.shape, len(wv))
-            return np.asarray(np.mean(weights * values[_parts_of(wv, len(u)), :, np.arange(len(wv))], axis=1))
+            part = moments[place][s, _parts_of(wv, follow.u.shape[1]), :, wv.levels - 1]
+            return np.asarray(np.mean(weights * part, axis=1))
 
+        moments = {place: self._moments(place, follow) for place, follow in self.follows.items()}
         rows = [self.each(partial(shape, place, m)) for place, m in self.rows]
         return np.array(rows).reshape(len(self.rows), self.levels.size)
+
+    def _moments(self, place: int, follow: Follows) -> NDArray[np.float64]:
+        """Return the wavelet variances (S, J, K, L) of a process at the conditions of each part, at the levels 1 to
+        L."""
+        process, first = self.model.processes[place], self.curves[0]
+        theta = follow.link.values(process, follow.a + follow.b * follow.u.reshape(-1, 1))
+        levels = np.arange(1, int(self.levels.max()) + 1)
+        values = process.moments(theta, levels, first.rate, find_filter(first.filter))
+        return values.reshape(*follow.u.shape, levels.size)
 
     def pose(self, matrix: Matrix) -> Problem:
         """Return the estimation problem with the weighting matrix Ω of all levels."""

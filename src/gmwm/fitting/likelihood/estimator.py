@@ -135,7 +135,7 @@ def fit_ml(
     data : Signal or (N,) array
         The recording. Gaps of a signal are treated as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
-        Sampling rate (Hz); needed only if `data` is an array.
+        Sampling rate (Hz) of an array; 1 by default, so that times count samples.
     start : Fit, LikelihoodFit, Model or str, optional
         Starting values, as a fit or a model with the same terms. By default, the model is first fitted to the wavelet
         variance.

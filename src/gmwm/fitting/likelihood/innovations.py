@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
@@ -320,7 +320,7 @@ class Forecasts(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Evaluation(Summarised):
+class Evaluation(Summarised, Mapping[str, Forecasts]):
     """Predictions of several models out of sample.
 
     Attributes
@@ -333,6 +333,9 @@ class Evaluation(Summarised):
 
     def __getitem__(self, model: str) -> Forecasts:
         return self.forecasts[model]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.forecasts)
 
     def __len__(self) -> int:
         return len(self.forecasts)

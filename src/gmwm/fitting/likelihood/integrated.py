@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
+from gmwm.base.text import Summarised
 from gmwm.fitting.likelihood.estimator import fit_ml
 from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.result import LikelihoodFit
@@ -42,7 +43,7 @@ class Forecast(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ArimaFit:
+class ArimaFit(Summarised):
     """ARIMA model that was fitted to a series by maximum likelihood.
 
     Attributes
@@ -100,6 +101,10 @@ class ArimaFit:
         impulse[0] = 1.0
         weights = lfilter(theta, np.convolve(phi, self.operator), impulse)
         return Forecast(mean=mean, error=np.sqrt(process.scale * np.cumsum(weights**2)))
+
+    def summary(self) -> str:
+        """Format the number of differences and the fit to them."""
+        return f"{self.operator.size - 1} differences of {self.series.size} samples\n{self.fit.summary()}"
 
     def __repr__(self) -> str:
         return f"ArimaFit({self.fit.model.structure}, {self.operator.size - 1} differences)"

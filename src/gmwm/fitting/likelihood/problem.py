@@ -92,7 +92,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     else:
         samples = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(samples, "data", finite=False).copy(), "", "", 0.0
-        step = as_rate(rate)
+        step = 1.0 if rate is None else as_rate(rate)
     observed = np.isfinite(values)
     seen = values if bool(np.all(observed)) else values[observed]
     endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0

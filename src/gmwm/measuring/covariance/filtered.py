@@ -61,7 +61,7 @@ class Lags:
     def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
         self.design, self.beyond, self.few = design, beyond, design.few
         self.known = [_signal_covariance(model, design)]
-        self.smooth: dict[int, tuple[int, Vector]] = {}
+        self.smooth: dict[int, tuple[int, int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
         self.mean = means(model, design)
         self.own = _own_variances(self.known[0], design)
@@ -110,14 +110,26 @@ class Lags:
         """Return Cov(W_{j,t}, X_{t+u}), as the first lag and values at all lags with a pair that are not negligible. X
         are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`."""
         filter, known = self.design.filter, self.known[stage]
-        done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
+        far = known.size - 1
+        done, first, smooth = self.smooth.get(stage, (0, -far, known))
+        if not done:
+            # Beyond its memory, a stationary process has no covariance, so the lags there need no sums.
+            size = np.abs(known - known[-1])
+            memory = int(np.flatnonzero(size > np.finfo(float).eps * size.max()).max(initial=0)) + 1
+            part = known[:memory] - known[-1] if memory < known.size // 2 else known
+            first, smooth = 1 - part.size, np.concatenate([part[:0:-1], part])
         while done < level:
             check_stop()
             done += 1
-            smooth, detail = _step(smooth, filter, done)
+            step = (filter.length - 1) << (done - 1)
+            front, behind = (min(step, room) for room in (first + far, far + 1 - first - smooth.size))
+            padded = np.zeros(front + smooth.size + behind)
+            padded[front : front + smooth.size] = smooth
+            smooth, detail = (values[front:] for values in _step(padded, filter, done))
             # Values that need lags beyond the recording are left out; the result is D_j(−u).
-            self.cross[stage, done] = _cropped(detail[filter.width(done) - 1 :][::-1], 1 - known.size)
-        self.smooth[stage] = done, smooth
+            begin = max(0, filter.width(done) - 1 - far - first)
+            self.cross[stage, done] = _cropped(detail[begin:][::-1], 1 - first - detail.size)
+        self.smooth[stage] = done, first, smooth
         return self.cross[stage, level]
 
     def _terms(self, values: Vector, a: int, b: int) -> Vector:

@@ -2,7 +2,8 @@
 
 The coefficients are second differences of a running sum, whose covariances are closed forms, smooth in the lag between
 a few kinks. For a classical estimate and sums of exponentials, white noise, random walks and tables, sums over lags are
-closed forms too. Otherwise a Gauss rule for sums over integers is used between kinks, and every lag near them."""
+closed forms too; robust estimates of an oscillation add higher powers by `cpp/src/hermite_sums.cpp`. Otherwise a Gauss
+rule for sums over integers is used between kinks, and every lag near them."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Booleans, Matrix, Vector
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
@@ -47,16 +48,14 @@ def variances(model: Model, design: Design) -> Vector:
 
 def ratio_variances(model: Model, design: Design) -> Vector:
     """Compute Var log(ν̂_j²/ν̃_j²) (J,) = Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²; see `api.ratio_variances`."""
-    assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = nodes.lags(present, design, diagonal=True)
-    half = np.ldexp(1.0, design.levels - 1)
-    own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
-    # A model without noise has no correlations.
-    unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
-    squares = (nodes.coefficient_covariance(present, at, design.rate) / unit) ** 2
-    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1], squares)
-    return np.asarray(np.add.reduceat(terms, starts) / design.counts.astype(np.float64) ** 2)
+    if (split := _split(present, design)) is not None:
+        _, powers = split.powers(design, diagonal=True)
+    else:
+        at, weight, starts = nodes.lags(present, design, diagonal=True)
+        known, pairs = nodes.coefficient_covariance(present, at, design.rate), _Pairs.of(design, diagonal=True)
+        _, powers = _powers(present, pairs, design, covariance=known, weight=weight, starts=starts)
+    return np.asarray(2.0 * powers / design.counts.astype(np.float64) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +67,13 @@ class _Pairs:
     half: Vector
     counts: Vector
 
+    @classmethod
+    def of(cls, design: Design, *, diagonal: bool) -> _Pairs:
+        """Return all pairs of levels, or each level with itself if `diagonal`."""
+        size = design.levels.size
+        coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
+        return cls(finer, coarser, np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64))
+
     def outer(self, values: Vector) -> Vector:
         """Return the product x_j x_k for each pair of levels, where x are `values` of the levels."""
         return np.asarray(values[self.finer] * values[self.coarser])
@@ -75,19 +81,17 @@ class _Pairs:
 
 def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     """Compute V_jk for all pairs of levels, or V_jj for all levels if `diagonal`."""
-    size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
-    coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
-    pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
+    pairs = _Pairs.of(design, diagonal=diagonal)
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is None:
         out = _over_lags(model, design, pairs, *nodes.lags(present, design, diagonal=diagonal))
     else:
-        first, second = split.sums(design, diagonal=diagonal)
+        first, second = split.sums(design, design.few, diagonal=diagonal)
         out = _of_sums(model, design, pairs, first=first, second=second)
     for place, stride in enumerate(design.strides):
         if stride > 1:
-            mine = (finer == place) & (coarser == place if diagonal else True)
+            mine = (pairs.finer == place) & (pairs.coarser == place if diagonal else True)
             out[mine] = _strided(model, design, place, stride)[: np.count_nonzero(mine)]
     return out
 
@@ -108,7 +112,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     present = [process for process in model.processes if process.scale > 0]
     split = _split(present, design)
     if split is not None:
-        sums = split.strided(stride, design).sums(within, diagonal=False)
+        sums = split.strided(stride, design).sums(within, design.few[place:], diagonal=False)
         return _of_sums(model, design, pairs, first=sums[0][first], second=sums[1][first], stride=stride)
     at, weight, starts = nodes.lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
@@ -128,28 +132,43 @@ class _Split:
     terms: ExponentialSum
     smooth: list[Process]
 
-    def sums(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
-        """Compute Σ n Cov and Σ n Cov² for all pairs of levels, or for all levels if `diagonal`. Products of smooth
-        processes are summed over Gauss nodes; products with exponentials oscillate and use the approximation."""
+    def sums(self, design: Design, few: Booleans, *, diagonal: bool) -> tuple[Vector, Vector]:
+        """Compute Σ n Cov and Σ n Cov², or what replaces it in a robust estimate of levels that are not `few`, for all
+        pairs of levels, or for all levels if `diagonal`. Products of smooth processes are summed over Gauss nodes;
+        products with exponentials oscillate and use the approximation."""
         tables = [(_table(process, design, diagonal), process.scale) for process in self.smooth]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
         if self.smooth:
             at, weight, starts = nodes.lags(self.smooth, design, diagonal=diagonal)
             own = nodes.product_sums(self.smooth, at, weight, starts, rate=design.rate)
             first, second = first + own[0], second + own[1]
+        if design.efficiency is not None:
+            variance, powers = self.powers(design, diagonal=diagonal)
+            second = second + _Pairs.of(design, diagonal=diagonal).outer(np.where(few, 0.0, variance)) * powers
         return first, second
+
+    def powers(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
+        """Compute the variances 2^(2j) Var(W_j) (J,), and ½ Σ_{q = 4, 6, …} c_q Σ n ρ^q for the pairs of `sums`."""
+        assert design.efficiency is not None
+        weights = hermite_weights(design.efficiency)[1:] / 2
+        return _core.hermite_sums(design.levels, design.samples, diagonal, self._joined(design).kernel, weights)
 
     def strided(self, stride: int, design: Design) -> _Split:
         """Return the processes with lags in steps of `stride` samples."""
+        return _Split(self._joined(design).strided(stride), [])
+
+    def _joined(self, design: Design) -> ExponentialSum:
+        """Return all processes as one sum, with approximations of the smooth ones."""
         sums = [process.exponential_mixture(design.rate, design.samples) for process in self.smooth]
-        mixtures = [mixture for mixture in sums if mixture]
-        return _Split(ExponentialSum.joined([self.terms, *mixtures]).strided(stride), [])
+        return ExponentialSum.joined([self.terms, *(mixture for mixture in sums if mixture)])
 
 
 def _split(present: list[Process], design: Design) -> _Split | None:
-    """Return the processes as a sum of exponentials and smooth processes; None if the estimate is robust, a process has
-    another form, or no covariance oscillates beside a smooth process: a Gauss rule then needs few nodes for all."""
-    return None if design.efficiency is not None else _split_of(tuple(present), design.rate, design.samples)
+    """Return the processes as a sum of exponentials and smooth processes; None if a process has another form, or no
+    covariance oscillates and the estimate is robust or a process is smooth: a Gauss rule then needs few nodes."""
+    split = _split_of(tuple(present), design.rate, design.samples)
+    plain = design.efficiency is None or (split is not None and np.any(split.terms.decays.imag % np.pi))
+    return split if plain else None
 
 
 @lru_cache(maxsize=4)
@@ -191,9 +210,9 @@ def _over_lags(
     else:
         shapes, scales = nodes.shapes_at(present, at, design.rate)
         first, second = _core.node_sums(shapes, np.array(scales, dtype=np.float64), weight, starts)
-        covariance = nodes.total_at(shapes, scales, at)
-        robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
-        second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
+        known = nodes.total_at(shapes, scales, at)
+        own, powers = _powers(present, pairs, design, covariance=known, weight=weight, starts=starts)
+        second = second + pairs.outer(np.where(design.few, 0.0, own)) * powers
     return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
 
 
@@ -215,20 +234,19 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
-def _robust_sum(
+def _powers(
     present: list[Process], pairs: _Pairs, design: Design, covariance: Vector, weight: Vector,
     starts: NDArray[np.int64],
-) -> Vector:  # fmt: skip
-    """Compute ½ σ_j² σ_k² Σ_q c_q Σ_u n(u) ρ^q, which replaces Σ n Cov² for robust estimates; σ² of coefficients."""
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Compute the same as `_Split.powers` from the covariances at nodes."""
     assert design.efficiency is not None
     half = pairs.half
     own = nodes.coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     size = pairs.outer(own)
     # If all processes are zero, the correlation is not defined and the covariance is zero.
-    unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
-    squares = covariance * covariance / unit
-    terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
-    return np.asarray(size / 2 * np.add.reduceat(terms, starts))
+    squares = covariance**2 / np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
+    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1] / 2, squares)
+    return own, np.asarray(np.add.reduceat(terms, starts))
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:

@@ -227,7 +227,7 @@ class RecordingStatistics:
         # Turns of gravity above 0.1° (a bias of 1.7 mg) that noise, at five standard errors, does not explain.
         turned = tilt is not None and tilt > max(0.1, 5.0 * tilt_noise)
         moved = tilt is not None and turned and tilt > findings.MOVED
-        motions = findings.of_motion(motion, tilt if turned else None, knocks)
+        motions = findings.of_motion(motion, tilt if turned else None, knocks, extent)
         coarse = {
             axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
         }

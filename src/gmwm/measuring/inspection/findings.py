@@ -73,21 +73,17 @@ def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str])
         )  # fmt: skip
 
 
-def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...]) -> Iterator[Remark]:
+def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...], extent: Extent) -> Iterator[Remark]:
     """Yield remarks on knocks, on motion by axis, and on a change of the direction of gravity (`tilt`, °)."""
     shown = tuple(f"{moment(begin)} to {moment(end)}" for begin, end in motion.spans)
     for axis in motion.ratios:
         ratio = max(motion.ratios.values())
         yield Remark.of("recording-moved", axis, case="moved", parts=shown, ranges=motion.spans, ratio=ratio)
     if tilt is not None:
-        angle = Quantity(tilt, "°")
-        tilted = tilt > MOVED
-        yield (
-            Remark.of("recording-moved", case="tilted", angle=angle)
-            if tilted
-            else Remark.of("recording-settles", angle=angle)
-        )
-    if knocks:
+        code, case = ("recording-moved", {"case": "tilted"}) if tilt > MOVED else ("recording-settles", {})
+        yield Remark.of(code, **case, angle=Quantity(tilt, "°"))
+    # Knocks whose samples together add less than 1 % to the variance of sums change N by at most 0.5 %.
+    if sum((knock.peak * (1 + knock.duration * extent.rate)) ** 2 for knock in knocks) > 0.01 * extent.samples:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
 
 
@@ -268,7 +264,7 @@ def of_gravity(gravity: float | None) -> Iterator[Remark]:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
         # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
         if abs(error) > 0.15:
-            yield Remark.of("unit-doubtful", case="gravity", norm=norm, expected=expected)
+            yield Remark.of("unit-doubtful", "accel", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
 
@@ -302,7 +298,5 @@ def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
     """Yield remarks on gyroscopes whose noise density (rad/s/√Hz) suggests deg/s read as rad/s, 57 times as large."""
     noisy = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     limit = Quantity(_NOISY, "deg/s/√Hz")
-    for axis in noisy:
-        yield Remark.of(
-            "unit-doubtful", axis, case="density", density=Quantity(max(noisy.values()), "deg/s/√Hz"), limit=limit
-        )
+    for axis, degrees in noisy.items():
+        yield Remark.of("unit-doubtful", axis, case="density", density=Quantity(degrees, "deg/s/√Hz"), limit=limit)

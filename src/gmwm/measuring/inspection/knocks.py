@@ -96,8 +96,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 
 def level_length(samples: int) -> int:
-    """Return the number of samples in the blocks whose medians are compared."""
-    # Blocks whose medians are compared for jumps, and their smallest size.
+    """Return the number of samples in the blocks whose medians are compared, so that there are about 256."""
     return max(samples // 256, 100)
 
 
@@ -125,7 +124,7 @@ def steps_of(
         # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, neighbours[:-2]), np.append(neighbours[2:], np.inf)
         size = np.abs(change - usual)
-        # Size in standard deviations of the differences, and ratio to changes around it, which is 2 for a ramp.
+        # The ratio to the changes before and after is 2 for a ramp.
         least = np.maximum(8.0 * spread, 4.0 * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
         # Several neighbouring blocks can show the same jump.

@@ -97,6 +97,11 @@ class Inspection(Documented, Summarised):
     regressions: dict[str, Regression]
     remarks: tuple[Remark, ...]
 
+    @property
+    def has_knocks(self) -> bool:
+        """Whether there are knocks that change N."""
+        return any(remark.code == "knocks" for remark in self.remarks)
+
     def summary(self, *, every: bool = False) -> str:
         """Describe the result as text, with all remarks (`every`) or the five most severe ones."""
         return text(self, every=every)
@@ -169,6 +174,8 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(f"knock at {moment(knock.time)} {long} ({what})")
     if len(inspection.knocks) > 5:
         lines.append(f"and {counted(len(inspection.knocks) - 5, 'more knock')}")
+    if inspection.knocks and not inspection.has_knocks:
+        lines.append("these knocks change N by less than 0.5 %")
     for step in inspection.steps[:5]:
         change = f"{_size(step.size, inspection.axes[step.axis].unit, '+.3g')}, {step.times:.0f} sd"
         lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import Documented
@@ -107,13 +106,18 @@ def cleaned(x: Signal) -> Cleaned:
     """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds. Knocks over 30 s, or
     together over 10 % of the samples, are kept: they are a state of the sensor."""
     spikes = find_spikes(x)
-    signal = repaired(x, spikes)
     # Replaced samples are not at multiples of the step.
-    knocks = _knocks(signal.values, x.rate, lsb(x.values) or 0.0)
+    signal, step = repaired(x, spikes), lsb(x.values) or 0.0
+    knocks = _knocks(signal.values, x.rate, step)
     if knocks.size:
-        # Knocks hide the tails of the noise from the search for spikes.
-        spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
-        present = _outside(knocks, len(x))
+        # Knocks hide the tails of the noise from the search for spikes, and spikes within knocks hide the knocks.
+        before, spikes = spikes, find_spikes(replace(x, values=_mirror(x.values, knocks)))
+        if not np.all(np.isin(before.indices, spikes.indices)):
+            knocks = _knocks(repaired(x, spikes).values, x.rate, step)
+            spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
+        present = np.ones(len(x), dtype=np.bool_)
+        for first, last in knocks.tolist():
+            present[first:last] = False
         present[spikes.indices] = False
         signal = replace(x, values=drawn(x.values, present))
     times = times_of(knocks.ravel(), x.rate, x.segments, x.starts).reshape(-1, 2)
@@ -184,14 +188,6 @@ def _mirror(values: Vector, ranges: Ranges) -> Vector:
         )
         out[first:last] = line + np.concatenate(echoes)
     return out
-
-
-def _outside(ranges: Ranges, size: int) -> NDArray[np.bool_]:
-    """Return a mask of the samples, `size` in number, that are outside all ranges."""
-    outside = np.ones(size, dtype=np.bool_)
-    for first, last in ranges.tolist():
-        outside[first:last] = False
-    return outside
 
 
 def _widen(ranges: Ranges, size: int, share: float = MARGIN) -> Ranges:

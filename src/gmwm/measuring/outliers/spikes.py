@@ -107,7 +107,9 @@ def find_spikes(x: Signal) -> Spikes:
     # Repeat without the spikes, which shift medians, hide the middle of a pulse, and add to the tails.
     for _ in range(_PASSES):
         filled, right = _interpolate(values, spikes)
-        candidates = np.union1d(candidates, _core.bent_samples(filled, 0.5 * LEAST * scale, length))
+        marked = np.zeros(values.size, dtype=np.bool_)
+        marked[candidates] = marked[_core.bent_samples(filled, 0.5 * LEAST * scale, length)] = True
+        candidates = np.flatnonzero(marked)
         reach = _best_reach(filled, right)
         scale, length, tail, usual = _bulk(filled, x.rate, step, most=_PRECISE, right=right, reach=reach)
         if not scale.min() > 0:

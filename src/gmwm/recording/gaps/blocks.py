@@ -193,4 +193,5 @@ class Filling:
             present[place : place + end - begin] = True
         timeline = np.zeros(present.size)
         timeline[present] = values
-        return drawn(timeline, present, seed=self._seed, cuts=self._cuts)[self._own]
+        # A view would keep the context in memory.
+        return drawn(timeline, present, seed=self._seed, cuts=self._cuts)[self._own].copy()

@@ -95,8 +95,10 @@ class _Known:
 
     @classmethod
     def of(cls, values: Vector, present: NDArray[np.bool_]) -> _Known:
-        before = np.concatenate([[0], np.cumsum(present)])
-        return cls(values, present, before, np.concatenate([[0.0], np.cumsum(values[present])]))
+        before = np.zeros(values.size + 1, dtype=np.int64)
+        path = np.zeros(np.cumsum(present, out=before[1:])[-1] + 1)
+        np.cumsum(values[present], out=path[1:])
+        return cls(values, present, before, path)
 
     def __len__(self) -> int:
         return self.path.size - 1

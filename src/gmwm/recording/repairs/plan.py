@@ -13,7 +13,17 @@ from gmwm.base.arrays import Vector
 from gmwm.base.units import sensor_of
 from gmwm.recording.batches import Batch
 from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
-from gmwm.recording.repairs.repeats import Indices, Mask, Repeats, in_long_runs, offsets, repeats, repeats_of, straight
+from gmwm.recording.repairs.repeats import (
+    Indices,
+    Mask,
+    Repeats,
+    fraction,
+    in_long_runs,
+    offsets,
+    repeats,
+    repeats_of,
+    straight,
+)
 from gmwm.recording.resolution import count_of, step_of
 
 _BY_AXIS = ("frozen", "straight", "wraps", "counts", "levels", "resampled")
@@ -128,8 +138,8 @@ def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dic
     same = np.logical_and.reduce([alone for _, alone in axes.values()])
     pattern = repeats_of([values for values, _ in axes.values()], same, duplicates)
     # Independent axes repeat together as often as chance, up to a factor of 2.
-    chance = math.prod(float(np.mean(alone)) for _, alone in axes.values())
-    if pattern is None or (len(axes) > 1 and np.mean(same) < 2 * chance):
+    chance = math.prod(fraction(alone) for _, alone in axes.values())
+    if pattern is None or (len(axes) > 1 and fraction(same) < 2 * chance):
         return {axis: repeats_of([values], alone, duplicates) for axis, (values, alone) in axes.items()}
     return dict.fromkeys(axes, pattern)
 
@@ -190,6 +200,9 @@ def _dead(same: Mask) -> int:
 
 def _frozen_length(values: Vector, same: Mask) -> int:
     """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
+    eight = np.frombuffer(same[: same.size // 8 * 8].tobytes(), dtype=np.uint64)
+    if not np.any(eight == np.uint64(0x0101010101010101)):
+        return 0  # no run is longer than 15 samples
     level = values[~same]
     if level.size < 100 or np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
         return 0
@@ -202,10 +215,10 @@ def _straight_length(values: Vector, begins: Indices) -> int:
     if line.size < 3:
         return 0
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
-    share = max(float(np.mean(alone)), 1e-6)
+    share = max(fraction(alone), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
     rows = in_long_runs(line, length + 1)  # see `_in_straight_runs`
-    if length > _FROZEN or not 0 < np.mean(rows) <= _MOST_STRAIGHT:
+    if length > _FROZEN or not 0 < fraction(rows) <= _MOST_STRAIGHT:
         return 0
     step, slopes = step_of(values[:_OF_STEP]), np.diff(values)[rows[1:]]
     is_slow = step is not None and np.median(np.abs(slopes / step - np.rint(slopes / step))) < _ON_GRID

@@ -171,13 +171,9 @@ def autocorrelation_panel(
 
 
 def signal_autocorrelation_panel(
-    signal: Signal,
-    lags: int | None = None,
-    *,
-    partial: bool = False,
-    robust: bool = False,
+    signal: Signal | ArrayLike, lags: int | None = None, *, partial: bool = False, robust: bool = False,
     model: Modelled | None = None,
-) -> Panel:
+) -> Panel:  # fmt: skip
     """Return the panel that `plot_autocorrelation` draws."""
     record = as_record(signal, None)
     count = as_lags(lags, record.observed)
@@ -189,9 +185,9 @@ def signal_autocorrelation_panel(
         others.append((scores, ROBUST, "Observed, robust"))
     if model is not None:
         terms = as_model(getattr(model, "model", model))
-        theory = autocorrelation(terms, count, signal.rate, partial=partial)[1:]
+        theory = autocorrelation(terms, count, record.rate, partial=partial)[1:]
         others.append((theory, LIMIT, f"Model: {model_text(terms.terms)}"))
-    title = f"{axis_title(signal.axis) or 'Signal'}, limits for white noise"
+    title = f"{axis_title(record.axis) or 'Signal'}, limits for white noise"
     name = "Partial autocorrelation" if partial else "Autocorrelation"
     most = max((float(np.max(np.abs(curve))) for curve, _, _ in others), default=0.0)
     panel = autocorrelation_panel(r, error, title, name=name, most=most)
@@ -202,14 +198,14 @@ def signal_autocorrelation_panel(
 
 @drawing
 def plot_autocorrelation(
-    signal: Signal, lags: int | None = None, *, partial: bool = False, robust: bool = False,
+    signal: Signal | ArrayLike, lags: int | None = None, *, partial: bool = False, robust: bool = False,
     model: Modelled | None = None, path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the autocorrelation of a signal at the lags 1 … L, with the 95 % limits of each value for white noise.
 
     Parameters
     ----------
-    signal : Signal
+    signal : Signal or (N,) array
         The signal. Pairs of samples of which one is missing are left out.
     lags : int, optional
         Number of lags L. Default: 10 log₁₀ N for N samples.

@@ -14,11 +14,11 @@ import numpy as np
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import round_fixed, version
+from gmwm.base.text import round_fixed, round_text, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import legend, model_words, rows_of, short_legend
+from gmwm.calibration.summary_text import legend, model_words, outliers_word, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -349,17 +349,19 @@ def _interval(low: float, high: float) -> str:
 def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
     verdict, robust = axis.verdict, axis.fit.wavelet_variance.robust
-    row = {"axis": name, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    row = {"axis": name, "fitted": "robust" if robust else "classical", "p": "", "most": ""}
+    row["found"] = outliers_word(axis)
     if verdict is None:
         return row | {"remarks": ["not tested"]}
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
-        percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
-        row["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
+        sign = "+" if verdict.excess[most] >= 0 else ""
+        percent = f"{sign}{round_text(100 * float(verdict.excess[most]))}".replace("-", "−")
+        row["most"] = f"{percent} % at {significant(verdict.tau[most], 3)} s"
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}
+    return row | {"p": p, "remarks": remarks}
 
 
 GROUP = "gmwm.reports"

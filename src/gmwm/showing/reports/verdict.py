@@ -67,8 +67,8 @@ def _conditions(recording: Recording) -> Facts:
     lost = f"{gaps}, {duration_text(recording.missing)} missing" if recording.missing > 0 else str(gaps)
     jitter = recording.jitter
     stamps = "none" if jitter is None else f"jitter {significant(round(jitter, 9), 3)} s (root mean square)"
-    facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps)]
-    facts += [("At rest", "yes" if recording.static else "no"), ("Knocks", str(recording.knocks))]
+    rest = "yes" if recording.static else "no"
+    facts: Facts = [("Gaps", lost if gaps else "none"), ("Time stamps", stamps), ("At rest", rest)]
     if recording.gravity is not None:
         facts.append(("Specific force", f"{recording.gravity:.5g} m/s²"))
     limits = recording.temperature
