@@ -18,10 +18,12 @@ namespace gmwm {
 namespace {
 
 constexpr std::size_t block = 256;  // lags that are evaluated together
+constexpr std::size_t span = 16 * block;  // lags in which a slow exponential is a polynomial
 constexpr std::size_t order = 8;    // of the Gauss rule, as in lags.cpp
 constexpr std::size_t powers = hermite_powers;
 // Correlations below which ρ⁴ is nothing next to ρ², and below which an oscillation changes no sum of a Gauss rule.
 constexpr double faint = 3e-4, silent = 1e-9;
+constexpr double unseen = 1e-13;  // correlations that change no sum of lags
 // Largest angle by which an oscillation may turn in a Gauss rule, so that eight of its harmonics are exact to 1e-8.
 constexpr double turn = 1;
 constexpr double shortest_rule = 256;  // lags of which eight nodes take less time than every lag
@@ -34,8 +36,6 @@ using Polynomial = std::array<double, degree_most + 1>;
 struct Powers {
   Values ahead_re, ahead_im, behind_re, behind_im;
   Complex step, back;  // back: z^-block, of poles that are not gone within a few blocks
-  std::array<double, degree_most + 1> series{};  // of z^l in powers of l / block, if z is real and `slow` in a block
-  std::size_t degree = 0;
 };
 
 GMWM_INLINE void polynomial_inline(const double* coefficients, std::size_t degree, double* values) {
@@ -99,9 +99,8 @@ class Sums {
  private:
   // An exponential of a piece at the first lag of a block, and at its last.
   struct Moving {
-    std::size_t p;
+    std::size_t p, place;  // in the process, and in the piece
     Complex ahead, behind;
-    bool seen = true;
   };
 
   double piece(LagCount count);
@@ -110,7 +109,7 @@ class Sums {
   double rule(std::int64_t begin, std::int64_t points, LagCount count);
   void start(std::int64_t begin);
   void step(std::int64_t begin);
-  Complex last_of_block(std::size_t k, std::int64_t begin) const;
+  Complex last_of_block(const Moving& next, std::int64_t begin) const;
   double fill(std::int64_t begin, std::size_t lags);
   double echoes(std::int64_t begin);
   double at(double lag) const;
@@ -125,7 +124,9 @@ class Sums {
   std::map<std::int64_t, std::array<std::array<double, order>, 2>> rules_;
   LagPiece piece_;
   double unit_ = 1;  // √s
-  Polynomial local_{};
+  Polynomial smooth_{};  // in powers of (i - begin_) / span
+  std::size_t degree_ = 0;
+  std::int64_t begin_ = 0;
   Values values_{};
   std::vector<Moving> moving_;
   std::vector<Powers> echo_tables_;
@@ -143,28 +144,6 @@ Complex shrunk(Complex decay, double n) {
   return exp(-multiple(n, decay));
 }
 
-const Powers& Sums::table(std::size_t p) {
-  if (table_of_[p] == 0) {
-    Powers& powers_of_pole = tables_.emplace_back();
-    table_of_[p] = tables_.size();
-    for (std::size_t l = 0; l < block; ++l) {
-      const Complex power = shrunk(process_.decay(p), static_cast<double>(l));
-      powers_of_pole.ahead_re[l] = powers_of_pole.behind_re[block - 1 - l] = power.re;
-      powers_of_pole.ahead_im[l] = powers_of_pole.behind_im[block - 1 - l] = power.im;
-    }
-    constexpr double size = static_cast<double>(block);
-    const Complex decay = process_.decay(p);
-    powers_of_pole.step = shrunk(decay, size);
-    if (decay.re * size < 10) powers_of_pole.back = exp(multiple(size, decay));
-    if (decay.im == 0 && decay.re * size < slow) {
-      double term = 1;
-      for (std::size_t r = 0; r <= degree_most && std::abs(term) > 1e-17; term *= -decay.re * size / static_cast<double>(++r))
-        powers_of_pole.series[r] = term, powers_of_pole.degree = r;
-    }
-  }
-  return tables_[table_of_[p] - 1];
-}
-
 // The polynomial in the variable b + s t instead of t; returns the sum of the sizes of its coefficients.
 template <class Number, class Size>
 double moved(std::array<Number, degree_most + 1>& polynomial, std::size_t degree, double b, double s, Size size) {
@@ -179,6 +158,23 @@ double moved(std::array<Number, degree_most + 1>& polynomial, std::size_t degree
 }
 
 double size_of(Complex a) { return std::abs(a.re) + std::abs(a.im); }
+
+const Powers& Sums::table(std::size_t p) {
+  if (table_of_[p] == 0) {
+    Powers& powers_of_pole = tables_.emplace_back();
+    table_of_[p] = tables_.size();
+    for (std::size_t l = 0; l < block; ++l) {
+      const Complex power = shrunk(process_.decay(p), static_cast<double>(l));
+      powers_of_pole.ahead_re[l] = powers_of_pole.behind_re[block - 1 - l] = power.re;
+      powers_of_pole.ahead_im[l] = powers_of_pole.behind_im[block - 1 - l] = power.im;
+    }
+    constexpr double size = static_cast<double>(block);
+    const Complex decay = process_.decay(p);
+    powers_of_pole.step = shrunk(decay, size);
+    if (decay.re * size < 10) powers_of_pole.back = exp(multiple(size, decay));
+  }
+  return tables_[table_of_[p] - 1];
+}
 
 // C(start + x) at a real number x, without spikes and echoes.
 double Sums::at(double lag) const {
@@ -201,65 +197,70 @@ double Sums::at(double lag) const {
   return value;
 }
 
-// The exponentials at the block that begins at a lag.
+// Prepares the `span` of blocks that begins at a lag: what is smooth in it as one polynomial, and the other exponentials.
 void Sums::start(std::int64_t begin) {
+  constexpr double size = static_cast<double>(span);
+  const double n = static_cast<double>(piece_.count), first = static_cast<double>(begin), rest = n - first;
+  smooth_ = piece_.polynomial, degree_ = piece_.degree, begin_ = begin;
+  moved(smooth_, degree_, first / n, size / n, [](double x) { return std::abs(x); });
   moving_.clear();
   for (std::size_t k = 0; k < piece_.active.size(); ++k) {
-    const std::size_t p = piece_.active[k];
-    const Complex ahead = piece_.ahead[k];
-    moving_.push_back({p, norm(ahead) > 0 ? ahead * shrunk(process_.decay(p), static_cast<double>(begin)) : Complex{}, {}});
-    moving_.back().behind = last_of_block(k, begin);
+    const Complex decay = process_.decay(piece_.active[k]), behind = piece_.behind[k];
+    Moving next{piece_.active[k], k, {}, {}};
+    if (norm(piece_.ahead[k]) > 0) next.ahead = piece_.ahead[k] * shrunk(decay, first);
+    const bool rises = norm(behind) > 0;
+    const double most = rises ? size_of(behind) * std::exp(-decay.re * std::max(rest - size, 0.0)) : 0.0;
+    if (size_of(next.ahead) + most < unseen * unit_) continue;
+    if (decay.im == 0 && decay.re * size < slow) {
+      const double back = rises ? behind.re * std::exp(-decay.re * (rest - 1)) : 0.0;
+      double term = 1;
+      for (std::size_t r = 0; r <= degree_most; term *= decay.re * size / static_cast<double>(++r)) {
+        smooth_[r] += (back + (r % 2 == 0 ? next.ahead.re : -next.ahead.re)) * term;
+        degree_ = std::max(degree_, r);
+        if (term < 1e-18) break;
+      }
+      continue;
+    }
+    if (rises) next.behind = last_of_block(next, begin);
+    moving_.push_back(next);
   }
 }
 
-// Those that rise, at the last lag of a block; 0 if the piece ends in the block.
-Complex Sums::last_of_block(std::size_t k, std::int64_t begin) const {
-  const double rest = static_cast<double>(piece_.count - begin) - static_cast<double>(block);
-  if (norm(piece_.behind[k]) == 0 || rest < 0) return {};
-  return piece_.behind[k] * shrunk(process_.decay(piece_.active[k]), rest);
+// An exponential that rises, at the last lag of a block; 0 if the piece ends in the block.
+Complex Sums::last_of_block(const Moving& next, std::int64_t begin) const {
+  const std::int64_t rest = piece_.count - begin - static_cast<std::int64_t>(block);
+  return rest < 0 ? Complex{} : piece_.behind[next.place] * shrunk(process_.decay(next.p), static_cast<double>(rest));
 }
 
 // Moves the exponentials by a block, to the one that begins at a lag.
 void Sums::step(std::int64_t begin) {
-  for (std::size_t k = 0; k < moving_.size(); ++k) {
-    Moving& next = moving_[k];
+  for (Moving& next : moving_) {
     const Powers& powers_of_pole = table(next.p);
     next.ahead *= powers_of_pole.step;
     if (norm(powers_of_pole.back) > 0)
       next.behind *= powers_of_pole.back;
     else
-      next.behind = last_of_block(k, begin);
+      next.behind = last_of_block(next, begin);
   }
 }
 
 // Writes C of a block; returns a bound of its size.
 double Sums::fill(std::int64_t begin, std::size_t lags) {
-  const double n = static_cast<double>(piece_.count), size = static_cast<double>(block);
-  Polynomial& local = local_;
-  local = piece_.polynomial;
-  double bound = moved(local, piece_.degree, static_cast<double>(begin) / n, size / n, [](double x) { return std::abs(x); });
-  std::size_t degree = piece_.degree;
+  constexpr double size = static_cast<double>(span);
+  Polynomial local = smooth_;
+  std::size_t degree = degree_;
+  double bound = moved(local, degree, static_cast<double>(begin - begin_) / size, static_cast<double>(block) / size,
+                       [](double x) { return std::abs(x); });
   const bool last = begin + static_cast<std::int64_t>(block) > piece_.count;
-  for (std::size_t k = 0; k < moving_.size(); ++k) {
-    Moving& next = moving_[k];
-    if (last) next.behind = piece_.behind[k];
-    const double size_of_both = size_of(next.ahead) + size_of(next.behind);
-    bound += size_of_both;
-    next.seen = size_of_both > 1e-13 * unit_;
-    const Powers& powers_of_pole = table(next.p);
-    if (!next.seen || powers_of_pole.degree == 0) continue;
-    // z^(lags - 1 - l) = z^(lags - 1) z^(-l)
-    const double behind = next.behind.re * powers_of_pole.behind_re[block - lags];
-    for (std::size_t r = 0; r <= powers_of_pole.degree; ++r)
-      local[r] += (next.ahead.re + (r % 2 == 0 ? behind : -behind)) * powers_of_pole.series[r];
-    degree = std::max(degree, powers_of_pole.degree);
-    next.seen = false;
+  for (Moving& next : moving_) {
+    if (last) next.behind = piece_.behind[next.place];
+    bound += size_of(next.ahead) + size_of(next.behind);
   }
   if (bound < faint * unit_ && piece_.echoes.empty() && process_.spikes() == 0) return bound;
   while (degree > 0 && std::abs(local[degree]) < 1e-16 * unit_) --degree;
   polynomial_of_block(local.data(), degree, values_.data());
   for (const Moving& next : moving_) {
-    if (!next.seen) continue;
+    if (size_of(next.ahead) + size_of(next.behind) < unseen * unit_) continue;
     const Powers& powers_of_pole = table(next.p);
     if (!last) {
       both_parts(next.ahead, next.behind, powers_of_pole, values_.data());
@@ -311,9 +312,11 @@ double Sums::echoes(std::int64_t begin) {
 double Sums::lag_by_lag(std::int64_t begin, std::int64_t end, LagCount count) {
   double total = 0;
   const double over_unit = 1 / (unit_ * unit_);
-  start(begin);
   for (const std::int64_t first = begin; begin < end; begin += static_cast<std::int64_t>(block)) {
-    if (begin > first) step(begin);
+    if ((begin - first) % static_cast<std::int64_t>(span) == 0)
+      start(begin);
+    else
+      step(begin);
     const std::int64_t rest = std::min<std::int64_t>(piece_.count - begin, static_cast<std::int64_t>(block));
     if (fill(begin, static_cast<std::size_t>(rest)) < faint * unit_) continue;
     const LagCount here{count.at_start + count.step * static_cast<double>(begin), count.step};

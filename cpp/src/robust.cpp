@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <iterator>
 #include <limits>
 
@@ -41,6 +42,14 @@ GMWM_INLINE void sizes_inline(const double* p, std::size_t h, double unit, std::
   counts[1] = at_high;
 }
 constexpr Clones<sizes_inline> sizes_clone{};
+
+// The number of n |W| <= limit.
+GMWM_INLINE std::size_t small_inline(const double* p, std::size_t h, double unit, std::size_t n, double limit) {
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) count += unit * std::abs(p[i] + p[i + 2 * h] - 2.0 * p[i + h]) <= limit;
+  return static_cast<std::size_t>(count);
+}
+constexpr Clones<small_inline> small_clone{};
 
 }  // namespace
 
@@ -92,6 +101,7 @@ std::size_t haar_between(std::span<const double> sum, std::size_t level, double 
                          std::vector<double>& between) {
   const std::size_t h = std::size_t{1} << (level - 1), count = sum.size() - 2 * h;
   const double unit = std::ldexp(1.0, -static_cast<int>(level));
+  if (!(low < high)) return small_clone(sum.data(), h, unit, count, low);
   std::array<double, 64> size;
   std::size_t below = 0;
   for (std::size_t k = 0; k < count; k += size.size()) {

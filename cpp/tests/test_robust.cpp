@@ -163,6 +163,8 @@ void between_counts_and_keeps() {
     std::sort(all.begin(), all.end());
     const double low = all[700], high = all[900];
     CHECK(gmwm::haar_between(sum, level, low, high, kept) == 701);
+    std::vector<double> none;
+    CHECK(gmwm::haar_between(sum, level, low, low, none) == 701 && none.empty());
     std::sort(kept.begin(), kept.end());
     CHECK(kept == Values(all.begin() + 701, all.begin() + 901));
   }

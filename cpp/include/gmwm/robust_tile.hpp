@@ -85,12 +85,14 @@ GMWM_INLINE void biweight_of_differences(const double* p, std::size_t n, std::si
   }
 }
 
-// Processes levels k + 1 … k + K, unless all of them have an infinite limit.
+// Processes the levels k + 1 … k + K of which the limit is finite: together, or one by one if only some are left.
 template <std::size_t K>
 GMWM_INLINE void biweight_group(const double* p, std::size_t n, std::size_t k, const double* limit, double* cubed,
                                 double* fourth) {
-  if (std::any_of(limit + k, limit + k + K, [](double v) { return std::isfinite(v); }))
-    biweight_of_differences<K>(p, n, std::size_t{1} << k, limit + k, cubed + k, fourth + k);
+  if (std::all_of(limit + k, limit + k + K, [](double v) { return std::isfinite(v); }))
+    return biweight_of_differences<K>(p, n, std::size_t{1} << k, limit + k, cubed + k, fourth + k);
+  for (std::size_t m = k; m < k + K; ++m)
+    if (std::isfinite(limit[m])) biweight_of_differences<1>(p, n, std::size_t{1} << m, limit + m, cubed + m, fourth + m);
 }
 
 // Processes levels 1 … levels of one tile; p[-2^levels] must be readable. The limits apply to differences before the

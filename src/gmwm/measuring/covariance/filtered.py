@@ -64,7 +64,10 @@ class Lags:
         self.smooth: dict[int, tuple[int, int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
         self.mean = means(model, design)
-        self.own = _own_variances(self.known[0], design)
+        # A classical estimate needs no variances of the coefficients.
+        self.own = np.ones(design.levels.size)
+        if design.efficiency is not None:
+            self.own = filtered.autocovariance_variance(self.known[0], design.filter, design.levels)
         # The cumulant of uniform errors hardly changes a robust estimate and is left out.
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
@@ -241,13 +244,6 @@ def _step(values: Vector, filter: WaveletFilter, level: int) -> tuple[Vector, Ve
     """Compute the scaling and wavelet coefficients of a level. The step is circular, so the first ones are invalid."""
     root = np.sqrt(2.0)
     return _core.pyramid_step(values, filter.scaling / root, filter.wavelet / root, 1 << (level - 1))
-
-
-def _own_variances(known: Vector, design: Design) -> Vector:
-    """Return the variances (J,) of the coefficients for a robust estimate. A classical estimate gets ones."""
-    if design.efficiency is None:
-        return np.ones(design.levels.size)
-    return filtered.autocovariance_variance(known, design.filter, design.levels)
 
 
 def means(model: Model, design: Design) -> Vector:

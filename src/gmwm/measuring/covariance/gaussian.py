@@ -216,16 +216,12 @@ def _over_lags(
     return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
 
 
-def _slope(model: Model) -> float:
-    """Return the change of the mean of the model per sample."""
-    return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
-
-
 def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
     """Compute V_jk for pairs of levels from `first` = Σ n Cov and `second` = Σ n Cov² over lags with n pairs."""
     scale = 4 * pairs.outer(pairs.half)
     total = 2 / scale**2 * second
-    if slope := _slope(model):
+    # Change of the mean of the model per sample.
+    if slope := sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes):
         total += slope**2 * pairs.outer(pairs.half) / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):

@@ -51,10 +51,10 @@ def lags(
         low_end = max(2.0 ** (4 * math.floor(math.log2(min(sizes)) / 4)), SLOWEST_DECAYS / design.samples)
         ends = min(low_end, high_end), high_end
     unit = 1 << max(memory.bit_length() - 3, 0)
-    return _nodes(
-        tuple(design.levels.tolist()),
-        (design.samples, ends, any(decay < 0 for decay in decays), diagonal, -(-memory // unit) * unit),
-    )
+    levels = tuple(design.levels.tolist())
+    key = design.samples, ends, any(decay < 0 for decay in decays), diagonal, -(-memory // unit) * unit
+    # Recordings of one length share the nodes, also with fewer levels.
+    return _grids.get(levels, key).first(len(levels), diagonal=diagonal)
 
 
 _Key = tuple[int, tuple[float, float], bool, bool, int]
@@ -110,11 +110,6 @@ class _Grids:
 
 
 _grids = _Grids()
-
-
-def _nodes(levels: tuple[int, ...], key: _Key) -> tuple[LagGrid, Vector, Integers]:
-    """Return the nodes for some levels; recordings of one length share them, also with fewer levels."""
-    return _grids.get(levels, key).first(len(levels), diagonal=key[3])
 
 
 def _computed(levels: tuple[int, ...], key: _Key) -> _Grid:

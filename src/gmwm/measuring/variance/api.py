@@ -181,14 +181,16 @@ def wavelet_variance(
     diagnostics: dict[str, Any] = {}
     excess: Matrix | None = None
     if robust:
-        _slope(segments)  # raises an error if a value is not finite
+        slope = _slope(segments)  # raises an error if a value is not finite
         estimate = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = estimate.variance, dict(estimate.diagnostics)
         if estimate.isolated:
             classical = _classical(segments, wavelet, transform, levels)[0]
             if (lost := unrejected(estimate, classical, eta, efficiency)) is not None:
                 diagnostics["robust"]["unrejected"], excess = lost
-        slope = _slope([_clip(segment) for segment in segments])
+        clipped = [_clip(segment) for segment in segments]
+        if any(part is not segment for part, segment in zip(clipped, segments, strict=True)):
+            slope = _slope(clipped)
         eta = eta * efficiency
     else:
         variance, rises = _classical(segments, wavelet, transform, levels)
@@ -330,4 +332,5 @@ def _clip(values: Vector) -> Vector:
     sample = values[:: values.size // 4096 + 1]
     middle = float(np.median(sample))
     spread = float(np.median(np.abs(sample - middle)))
-    return np.clip(values, middle - 10 * spread, middle + 10 * spread) if spread > 0 else values
+    low, high = middle - 10 * spread, middle + 10 * spread
+    return values if spread == 0 or (values.min() >= low and values.max() <= high) else np.clip(values, low, high)
