@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm import Model
 from gmwm.base.arrays import Matrix, Vector
-from gmwm.base.documents import Documented, plain
+from gmwm.base.documents import Documented, indented_json, plain
 from gmwm.base.errors import ReadError
 from gmwm.base.kinds import Document
 from tests.helpers import raises
@@ -125,3 +125,13 @@ def test_plain_values():
     assert plain(values) == {"a": 1.5, "b": [2, None], "c": None}
     assert type(plain(values)["a"]) is float
     assert math.isnan(plain(values, finite=False)["c"])
+
+
+@pytest.mark.parametrize("escaped", [True, False])
+def test_indented_json_is_that_of_the_standard_library(escaped):
+    value = {"a²": [[1.0, -0.0], [], {}, {"b": [True, None, '\n"[1, 2]']}], "c": (1, 2.5e-300), "d": {"e": {"f": 1}}}
+    for content in (value, [], "²", 3.0, [value, "x"]):
+        expected = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=escaped)
+        assert indented_json(content, escaped=escaped) == expected
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        indented_json({"x": [[math.inf]]})

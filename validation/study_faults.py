@@ -1,7 +1,7 @@
 """Faults of a recording: how often each is found, named and undone, and how often clean noise gets such a remark.
 
-Recordings of a gyroscope are simulated with NumPy alone (`validation/faults.py`), clean ones of seven kinds and faulty
-ones of 32. Clean ones are inspected, and faulty ones are calibrated as a user does.
+Recordings of a gyroscope are simulated with NumPy alone (`validation/faults.py`), clean ones of nine kinds and faulty
+ones of 35. Clean ones are inspected, and faulty ones are calibrated as a user does.
 """
 
 from __future__ import annotations

@@ -115,63 +115,17 @@ if TYPE_CHECKING:
         WN,
         Model,
         fixed,
-    )  # fmt: skip
+    )
     from gmwm.theory.simulation import simulate, simulate_signal
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "AR",
-    "AR1",
-    "ARMA",
-    "DR",
-    "FGN",
-    "FN",
-    "GM",
-    "MA",
-    "MAT",
-    "OSC",
-    "PL",
-    "QN",
-    "RW",
-    "SARMA",
-    "SIN",
-    "WN",
-    "Calibration",
-    "Fit",
-    "GmwmError",
-    "Imu",
-    "Model",
-    "Monitor",
-    "Signal",
-    "WaveletAccumulator",
-    "WaveletVariance",
-    "agree",
-    "allan_variance",
-    "avlr",
-    "calibrate",
-    "compare",
-    "contamination",
-    "cross",
-    "fit",
-    "fit_joint",
-    "fit_ml",
-    "fixed",
-    "fleet",
-    "fuse",
-    "hadamard_variance",
-    "inspect",
-    "plan",
-    "psd",
-    "rank",
-    "read",
-    "same",
-    "select",
-    "simulate",
-    "simulate_signal",
-    "stream",
-    "total_variance",
-    "wavelet_variance",
+    "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "OSC", "PL", "QN", "RW", "SARMA", "SIN", "WN",
+    "Calibration", "Fit", "GmwmError", "Imu", "Model", "Monitor", "Signal", "WaveletAccumulator", "WaveletVariance",
+    "agree", "allan_variance", "avlr", "calibrate", "compare", "contamination", "cross", "fit", "fit_joint", "fit_ml",
+    "fixed", "fleet", "fuse", "hadamard_variance", "inspect", "plan", "psd", "rank", "read", "same", "select",
+    "simulate", "simulate_signal", "stream", "total_variance", "wavelet_variance",
 ]  # fmt: skip
 
 _NAMES = {
@@ -200,58 +154,15 @@ _NAMES = {
 imported only when one of its names is used, because the import of all packages takes 0.4 s."""
 
 _ROOMS = {
-    "applications": (
-        "app",
-        "fleets",
-        "monitor",
-        "navigation",
-        "several",
-    ),
-    "base": (
-        "errors",
-        "remarks",
-        "time_base",
-        "units",
-    ),
-    "choosing": (
-        "datasheets",
-        "replicates",
-        "selection",
-    ),
-    "files": (
-        "importers",
-        "readers",
-    ),
-    "fitting": (
-        "estimation",
-        "inference",
-        "likelihood",
-    ),
-    "measuring": (
-        "covariance",
-        "inspection",
-        "outliers",
-        "regression",
-        "spectrum",
-        "streaming",
-        "variance",
-    ),
-    "recording": (
-        "options",
-        "signals",
-    ),
-    "showing": (
-        "exporters",
-        "plots",
-        "reports",
-    ),
-    "theory": (
-        "continuous_statespace",
-        "filters",
-        "processes",
-        "simulation",
-        "statespace",
-    ),
+    "applications": ("app", "fleets", "monitor", "navigation", "several"),
+    "base": ("errors", "remarks", "time_base", "units"),
+    "choosing": ("datasheets", "replicates", "selection"),
+    "files": ("importers", "readers"),
+    "fitting": ("estimation", "inference", "likelihood"),
+    "measuring": ("covariance", "inspection", "outliers", "regression", "spectrum", "streaming", "variance"),
+    "recording": ("options", "signals"),
+    "showing": ("exporters", "plots", "reports"),
+    "theory": ("continuous_statespace", "filters", "processes", "simulation", "statespace"),
 }
 """Public packages by room. Programs use the short name, `gmwm.covariance`, so that a room can be rearranged."""
 _PACKAGES = {name: f"gmwm.{room}.{name}" for room, names in _ROOMS.items() for name in names}

@@ -395,18 +395,14 @@ def test_declared_parameters_are_the_fields(process):
 
 
 @pytest.mark.slow
-@each("name", [*registry, *ordered_classes])
-def test_each_name_is_written_once_on_the_model_side(name):
+def test_each_name_is_written_once_on_the_model_side():
     """The name in its own class is the only place in code that knows the process."""
     sources = Path(inspect.getfile(Process)).parent.glob("*.py")
     # The package exports the classes by name.
-    nodes = (
-        node
-        for path in sources
-        if path.name != "__init__.py"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-    )
-    assert sum(isinstance(node, ast.Constant) and node.value == name for node in nodes) == 1
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in sources if path.name != "__init__.py"]
+    constants = [node.value for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    names = [*registry, *ordered_classes]
+    assert {name: constants.count(name) for name in names} == dict.fromkeys(names, 1)
 
 
 @every_searched

@@ -282,18 +282,7 @@ def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str
 
 def indented_json(value: Any, *, escaped: bool = False, level: int = 0) -> str:
     """Return the text of `json.dumps(value, indent=1, allow_nan=False)`, three times as fast, because numbers without
-    containers among them are encoded together. If `escaped` is true, the text is ASCII.
-
-    >>> print(indented_json({"matrix": [[1.0], []]}))
-    {
-     "matrix": [
-      [
-       1.0
-      ],
-      []
-     ]
-    }
-    """
+    containers among them are encoded together. If `escaped` is true, the text is ASCII."""
     encode = partial(json.dumps, allow_nan=False, ensure_ascii=escaped)
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
     if not items:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -75,14 +75,14 @@ class RecordingAddition:
         """Return whether the addition needs the samples of a recording with these axes."""
         raise NotImplementedError
 
-    def of_recording(self, signals: Mapping[str, Signal], *, threads: int | None = None) -> Any:
+    def of_recording(self, signals: Iterable[tuple[str, Signal]], *, threads: int | None = None) -> Any:
         """Compute the finding from all samples of the calibrated axes.
 
         Parameters
         ----------
-        signals : mapping of axis to Signal
+        signals : iterable of (axis, Signal)
             Isolated wrong samples and knocks are replaced, the effect of conditions is removed, and short gaps are
-            filled.
+            filled. An axis is joined from its batches when it is read.
         threads : int, optional
             Number of axes that are processed at the same time.
         """

@@ -29,15 +29,7 @@ from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
-from gmwm.measuring.outliers import (
-    MATERIAL,
-    TOLERANCE,
-    Screen,
-    Verdict,
-    contamination,
-    dependence,
-    other_efficiency,
-)
+from gmwm.measuring.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, dependence, other_efficiency
 from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression
@@ -214,7 +206,7 @@ def _measure_recording(
             shares[axis] = MeasuredAxis(
                 axis=axis, regressions={} if regression is None else {name: regression},
                 raw={} if raw is None else {name: raw},
-                beginnings={name: beginnings[axis]} if axis in beginnings else {},
+                beginnings={name: beginnings[axis]} if axis in beginnings else {}
             )  # fmt: skip
     inspections = with_gravity(inspections)
     curves = recordings.curves[name]
@@ -264,14 +256,14 @@ def _require_one_stream(recordings: Recordings, argument: str) -> None:
     if len(recordings.parts) > 1:
         raise OptionError(
             f"{argument} can be given for one recording only, and there are several", argument=argument,
-            advice="Leave {--" + argument + "} out.",
+            advice="Leave {--" + argument + "} out."
         )  # fmt: skip
     from gmwm.files.readers.streams import Stream
 
     if not all(isinstance(part, Stream) for part in recordings.parts[""]) or not recordings.parts[""]:
         raise OptionError(
             f"{argument} can be given for a stream only", argument=argument,
-            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
+            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`."
         )  # fmt: skip
 
 

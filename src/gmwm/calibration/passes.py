@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -70,22 +70,6 @@ def clean(signal: Signal) -> Signal:
 def needed_beginning() -> int:
     """Return the number of samples at the beginning of a recording that the additions need."""
     return max((addition.beginning for addition in axis_additions()), default=0)
-
-
-class _Joined(Mapping[str, Signal]):
-    """Samples of each axis, joined when they are read: all axes together need as much memory as the recording."""
-
-    def __init__(self, accumulators: Mapping[str, AxisAccumulator]) -> None:
-        self._accumulators = accumulators
-
-    def __getitem__(self, axis: str) -> Signal:
-        return self._accumulators[axis].samples()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._accumulators)
-
-    def __len__(self) -> int:
-        return len(self._accumulators)
 
 
 class AxisAccumulator:
@@ -266,18 +250,21 @@ def _findings(
     needed = [in_memory and addition.needs(list(accumulators)) for addition in recording_additions()]
     if not any(needed):
         return ()
-    samples: Mapping[str, Signal] = _Joined(accumulators)
+    again: dict[str, Signal] = {}
     if len({item.ranges for item in accumulators.values()}) > 1:
         # A sensor restarted at a gap that was filled on the axes of other sensors. Now, all axes are split there.
         with_gaps = join_batches([conditions.batch(batch) for batch in batches]).signals
-        samples = fill_gaps({
+        again = fill_gaps({
             axis: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]) for axis, item in accumulators.items()
         })  # fmt: skip
     return_memory()
+    # The axes are joined one at a time, because together they need as much memory as the recording.
     findings = tuple(
-        addition.of_recording(samples, threads=threads) if need else None
+        addition.of_recording(
+            again.items() or ((axis, item.samples()) for axis, item in accumulators.items()), threads=threads
+        ) if need else None
         for addition, need in zip(recording_additions(), needed, strict=True)
-    )
+    )  # fmt: skip
     for item in accumulators.values():
         item.forget()
     return findings

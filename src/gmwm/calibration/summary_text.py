@@ -56,13 +56,9 @@ def model_words(model: Model) -> str:
         else:
             names["filter" if isinstance(process, Ordered) else process.name] += 1
     parts = [name if count == 1 else f"{count}*{name}" for name, count in names.items()]
-    return "+".join(
-        [
-            *parts,
-            *([counted(oscillations, "oscillation")] if oscillations else []),
-            *([counted(lines, "line")] if lines else []),
-        ]
-    )
+    parts += [counted(oscillations, "oscillation")] if oscillations else []
+    parts += [counted(lines, "line")] if lines else []
+    return "+".join(parts)
 
 
 def _axes_table(

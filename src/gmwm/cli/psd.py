@@ -43,10 +43,7 @@ def psd(
         Literal["constant", "linear"],
         EstimationOption(help="Trend to remove from each block: its mean (constant) or a fitted line (linear)."),
     ] = "constant",
-    datasheet: Annotated[
-        bool | None,
-        ResultOption("--datasheet/--si", help="Use deg/h, mg, deg/s/√Hz and µg/√Hz (default), or rad/s and m/s²."),
-    ] = None,
+    datasheet: Annotated[bool | None, ResultOption("--datasheet/--si", help="Use deg/h, mg (default), or SI.")] = None,
     csv: Annotated[Path | None, ResultOption(help="Write all frequencies to this CSV file (SI units).")] = None,
     plot: Plot = None,
 ) -> Outcome:

@@ -8,15 +8,6 @@ from gmwm.applications.monitor.redundant import UnitEvent, redundant
 from gmwm.applications.monitor.trace import Trace
 
 __all__ = [
-    "AxisConsistency",
-    "Baseline",
-    "Consistency",
-    "Event",
-    "Monitor",
-    "PredictionError",
-    "Trace",
-    "UnitEvent",
-    "baselines",
-    "consistency",
-    "redundant",
-]
+    "AxisConsistency", "Baseline", "Consistency", "Event", "Monitor", "PredictionError", "Trace", "UnitEvent",
+    "baselines", "consistency", "redundant",
+]  # fmt: skip

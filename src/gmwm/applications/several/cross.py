@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -398,15 +398,17 @@ MOST_BLOCK_MEANS = 1 << 20
 
 
 def shared_noise(
-    signals: Mapping[str, Signal], *, size: float = 0.05, threads: int | None = None, fill: bool = True
+    signals: Mapping[str, Signal] | Iterable[tuple[str, Signal]], *, size: float = 0.05, threads: int | None = None
 ) -> tuple[SharedNoise, ...]:
     """Return the scales at which two axes share noise (`cross`), by p-value.
 
     Beyond `MOST_BLOCK_MEANS`, means of 2^k samples are tested, without the k finest scales. Linear trends are removed,
-    as unrelated drifts correlate at the largest scales. Axes without noise at a scale are left out."""
+    as unrelated drifts correlate at the largest scales. Axes without noise at a scale are left out. Gaps of a mapping
+    are filled."""
     try:
         means, k = dict[str, Signal](), 0
-        for axis, signal in (synchronous_signals(signals, None) if fill else signals).items():
+        pairs_of_axes = synchronous_signals(signals, None).items() if isinstance(signals, Mapping) else signals
+        for axis, signal in pairs_of_axes:
             k = max(0, (len(signal) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
             means[axis] = block_means(signal, k)
         means = in_threads(
@@ -461,9 +463,11 @@ class SharedNoiseAddition(RecordingAddition):
         """Return whether there are at least two axes."""
         return len(axes) > 1
 
-    def of_recording(self, signals: Mapping[str, Signal], *, threads: int | None = None) -> tuple[SharedNoise, ...]:
+    def of_recording(
+        self, signals: Iterable[tuple[str, Signal]], *, threads: int | None = None
+    ) -> tuple[SharedNoise, ...]:
         """Test all pairs of axes."""
-        return shared_noise(signals, threads=threads, fill=False)
+        return shared_noise(signals, threads=threads)
 
     def remarks(self, finding: Sequence[SharedNoise], axes: Collection[str], size: float) -> Iterator[Remark]:
         """Yield one remark if any of these axes share noise at this significance level. Axes with remaining motion or

@@ -32,17 +32,9 @@ if TYPE_CHECKING:
 
 
 Entry = Literal[
-    "within",
-    "model",
-    "slow",
-    "lines",
-    "shape",
-    "filter",
-    "nothing-shown",
-    "without-absent-lines",
-    "oscillation",
+    "within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines", "oscillation",
     "sensor",
-]
+]  # fmt: skip
 Exit = Literal[
     "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last", "shared"
 ]

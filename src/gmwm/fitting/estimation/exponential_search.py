@@ -11,13 +11,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector
 from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
-from gmwm.fitting.estimation.branch_and_bound import (
-    LIMITS,
-    WIDTHS,
-    Optimum,
-    Search,
-    SearchResult,
-)
+from gmwm.fitting.estimation.branch_and_bound import LIMITS, WIDTHS, Optimum, Search, SearchResult
 from gmwm.fitting.estimation.problem import ROUNDING, Problem
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.covariance.design import Design
@@ -59,7 +53,7 @@ def search_of(problem: Problem) -> Search:
 def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
     return _core.WeightedTable(
         weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
-        grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS,
+        grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS
     )  # fmt: skip
 
 
@@ -78,7 +72,7 @@ class ExponentialSearch(Search):
             innovation = form.innovation
         return _core.ExponentialSearch(
             problem.target, self.fixed, problem.root, problem.rounding, np.ldexp(1.0, problem.levels - 1),
-            np.array(rows, dtype=np.float64), problem.rate, innovation, _LIMITS, np.array(WIDTHS),
+            np.array(rows, dtype=np.float64), problem.rate, innovation, _LIMITS, np.array(WIDTHS)
         )  # fmt: skip
 
     def optimum(self, *, certify: bool) -> SearchResult:
@@ -144,13 +138,13 @@ def reweight(
     powers = [process.scale_parameter().scale_power or 1 for process in linear]
     cumulant = sum(type(process).standard().error_cumulant for process in linear)
     data = [
-        problem.observed, design.degrees_of_freedom, counts, np.zeros(counts.size) if added is None else np.diag(added),
+        problem.observed, design.degrees_of_freedom, counts, np.zeros(counts.size) if added is None else np.diag(added)
     ]  # fmt: skip
     result = search.kernel.reweight(
         design.levels, np.array(data, dtype=np.float64), np.array(segments, dtype=np.float64),
         np.array([_kind(process) for process in linear], dtype=np.int64), np.array(powers, dtype=np.float64),
         problem.shapes, np.array([design.loss_factor, ROUNDING, cumulant, *options]), solution.scales,
         np.array([(term.values[0], term.scale) for term in solution.terms], dtype=np.float64),
-        *search.coordinates(solution.places),
+        *search.coordinates(solution.places)
     )  # fmt: skip
     return None if result is None else (search.optimum_of(*result[0]), *result[1:])

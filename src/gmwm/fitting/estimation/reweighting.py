@@ -129,18 +129,8 @@ def _iterate(
     rounds = 60
     search = search_for_weights(problem, design) if weighting == "diagonal" else None
     if search is not None:
-        options = np.array(
-            [
-                LIMITS.curve_freedom,
-                fixed,
-                LIMITS.longest_step,
-                LIMITS.singular_cutoff,
-                rounds,
-                patience,
-                LIMITS.mixed_iterations,
-            ],
-            dtype=np.float64,
-        )
+        limits = LIMITS.curve_freedom, fixed, LIMITS.longest_step, LIMITS.singular_cutoff
+        options = np.array([*limits, rounds, patience, LIMITS.mixed_iterations], dtype=np.float64)
         result = reweight(search, solution, design.for_weights, options)
         if result is not None:
             best, weights, change, expected = result

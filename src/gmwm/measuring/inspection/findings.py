@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, moment, round_text
 from gmwm.base.time_base import TimeBase, lost_samples
-from gmwm.base.units import STANDARD_GRAVITY, datasheet_units, noise_unit
+from gmwm.base.units import STANDARD_GRAVITY, noise_unit, usual_unit
 from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
     """Yield remarks on axes whose output is clipped."""
     for item in saturations:
-        value = _as_printed(item.value, units[item.axis])
+        value = in_datasheet_units(item.value, 0.0, units[item.axis])
         case = "noise" if item.matters else "rare"
         yield Remark.of(
             "output-clipped", item.axis, case=case, share=100 * item.share, value=value, loss=100 * item.loss
@@ -242,7 +242,7 @@ def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
     Quantity(value=206.26480624709637, unit='deg/h')
     """
     si, factor = noise_unit(time_power, unit)
-    name, size = next(iter(datasheet_units(si).items()), (si, 1.0))
+    name, size = usual_unit(si)
     return Quantity(value * factor * size, name)
 
 
@@ -273,11 +273,11 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
     """Yield remarks on quantization, at a sampling rate (Hz)."""
     for name, axis in axes.items():
         if axis.lsb is not None and axis.counter:
-            yield Remark.of("output-rounded", name, case="counter", step=_as_printed(axis.lsb, axis.unit))
+            yield Remark.of("output-rounded", name, case="counter", step=in_datasheet_units(axis.lsb, 0.0, axis.unit))
         if axis.lsb is None or axis.before_rounding is None:
             continue
         ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
-        step = _as_printed(axis.lsb, axis.unit)
+        step = in_datasheet_units(axis.lsb, 0.0, axis.unit)
         # Largest quantization step (standard deviations of the noise) at which the rounding error is white noise of
         # variance step²/12. N is then known to 2 %, and slow changes of the mean to 3 % (docs/validation/rounding.md).
         if ratio > 2.0:
@@ -286,12 +286,6 @@ def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Rem
         elif ratio > 0.7:
             density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
             yield Remark.of("output-rounded", name, case="rounded", step=step, ratio=ratio, density=density)
-
-
-def _as_printed(value: float, unit: str) -> Quantity:
-    """Convert a value from the SI unit of a sensor to deg/s or mg."""
-    name = {"rad/s": "deg/s", "m/s²": "mg"}.get(unit)
-    return Quantity(value, unit) if name is None else Quantity(value * datasheet_units(unit)[name], name)
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:

@@ -98,7 +98,9 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
     for limits in (_CLEAR, _POSSIBLE):
         places, gain = _together(means, limits) if not jumps else ([], 0.0)
-        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + limits.gain:
+        # A possible jump is compared with a trend as a single one is.
+        margin = limits.gain if limits is _POSSIBLE else 0.0
+        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
             jumps = _one_by_one(means, clearest, places, gain / len(places), limits)
     if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
         jumps = _warm_up_at(means, clearest, jumps) or jumps

@@ -146,7 +146,7 @@ class TrendTest:
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
         # A jump in the first three blocks is treated as a warm-up.
-        if base - likelihood.with_step(models, 3) - _EXTRA > self.statistic:
+        if base - np.min(likelihood.with_steps(models, 4, n - 1)) - _EXTRA > self.statistic:
             self.kind = None
         self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
 

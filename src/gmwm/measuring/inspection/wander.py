@@ -169,10 +169,6 @@ class Likelihood:
         taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
-    def with_step(self, models: Integers, first: int) -> float:
-        """Return the smallest −2 log L of noise models with a jump between or within blocks from `first` on."""
-        return float(np.min(self.with_steps(models, first + 1, self.z.size)))
-
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid

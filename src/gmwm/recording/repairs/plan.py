@@ -127,7 +127,7 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
         for axis, pattern in _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates).items():
             groups.setdefault(pattern, []).append(axis)
     plans = [
-        _plan(axis, pattern, signals[axis].values, same[axis], begins)
+        _plan(axis, pattern, signals[axis].values, same[axis], begins=begins)
         for pattern, axes in groups.items() for axis in axes
     ]  # fmt: skip
     return _joined({plan.axes[0]: plan for plan in plans}, batch, begins)
@@ -144,7 +144,7 @@ def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dic
     return dict.fromkeys(axes, pattern)
 
 
-def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, begins: Indices) -> RepairPlan:
+def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, begins: Indices) -> RepairPlan:
     """Return the plan of one axis."""
     dead = _dead(same)
     frozen, line, levels, slower = 0, 0, None, 0.0
@@ -155,13 +155,9 @@ def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, begins
         frozen = frozen if 0 < share <= _MOST_FROZEN else 0
         line = _straight_length(values, begins)
     found = {
-        "frozen": frozen,
-        "straight": line,
-        "wraps": modulus_of(values),
-        "counts": count_of(values),
-        "levels": levels,
+        "frozen": frozen, "straight": line, "wraps": modulus_of(values), "counts": count_of(values), "levels": levels,
         "resampled": slower,
-    }
+    }  # fmt: skip
     mappings: dict[str, Any] = {name: {axis: value} if value else {} for name, value in found.items()}
     return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * values.size else 0, **mappings)
 

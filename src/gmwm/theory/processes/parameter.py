@@ -131,6 +131,8 @@ class Parameter:
         """
         if value is None:
             return None
+        if type(value) is float and 0.0 < value < math.inf and self.domain != "between":
+            return value  # a fit creates thousands
         if isinstance(value, Fixed):
             return Fixed(self._in_domain(value.value, owner))
         return self._in_domain(value, owner)

@@ -114,7 +114,8 @@ def _require_repeatable(processes: tuple[Process, ...]) -> None:
                 argument="processes", got=name, advice="Write `{instead}` once.",
                 instead=process.instead_of_repeats(count), count=count,
             )  # fmt: skip
-    fixed = [p for p in processes if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
+    repeated = [p for p in processes if counts[p.name] > 1]
+    fixed = [p for p in repeated if all(p.is_fixed(q.name) for q in p.nonlinear_parameters())]
     for a, b in combinations(fixed, 2):
         if type(a) is type(b) and _have_same_shape(a, b):
             held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
