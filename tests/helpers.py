@@ -28,21 +28,24 @@ def device(name: str) -> Path:
 
 
 def each(names: str | tuple[str, ...], cases: Iterable[Any]) -> Callable[[Any], Any]:
-    """Run a test in a loop over cases, as `parametrize` would run it as many tests. A failure names its case.
+    """Run a test in a loop over cases, as `parametrize` would run it as many tests.
 
-    Thousands of small tests take longer to collect and to report than to run.
+    A failure names all its cases and shows the first. Thousands of small tests take longer to collect than to run.
     """
     keys = names if isinstance(names, tuple) else tuple(name.strip() for name in names.split(","))
 
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(test)
         def run(*fixtures: Any, **others: Any) -> None:
+            errors = {}
             for case in cases:
                 values = dict(zip(keys, case if len(keys) > 1 else (case,), strict=True))
                 try:
                     test(*fixtures, **others, **values)
                 except Exception as error:
-                    raise AssertionError(f"in the case {values}") from error
+                    errors[str(values)] = error
+            if errors:
+                raise AssertionError("in the cases " + ", ".join(errors)) from next(iter(errors.values()))
 
         signature = inspect.signature(test)
         parameters = [parameter for name, parameter in signature.parameters.items() if name not in keys]

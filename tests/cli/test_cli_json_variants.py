@@ -31,7 +31,7 @@ VARIANTS = [
     "fit {long} -m GM+WN+RW --axis accel_x --robust",
     "fit {short} -m WN+RW --axis gyro_x --ml",
     "fit {faulty} -m AR1+WN --axis gyro",
-    "fleet {fleet} --output {folder}/lot",
+    "fleet {fleet} --axis gyro --within WN+RW --output {folder}/lot --workers 0",
     "fuse {short} {other} {third} --horizon 1s",
     "fuse {short} {other} --horizon 1s-10s --axis gyro_x",
     "info {short}",
