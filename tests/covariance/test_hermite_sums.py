@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm import OSC, WN
 from gmwm.base import _core
-from gmwm.measuring.covariance import filtered, gaussian
+from gmwm.base.errors import MissingTheoryError
+from gmwm.measuring.covariance import covariance, filtered, gaussian
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.robust import hermite_weights
 from tests.covariance.test_lag_sums import exponentials, oracle
@@ -85,6 +87,13 @@ def test_a_few_oscillations_and_roots_near_the_unit_circle():
     )
     noise, whole = gmwm.Model.parse(text).sorted(1.0), design(20_000, 13)
     assert error(gaussian.covariance(noise, whole), filtered.covariance(noise, whole)) < 1e-8
+
+
+def test_the_length_is_limited_only_beside_an_oscillation_that_lasts():
+    short, lasting = (OSC(frequency=0.0311, quality=quality, sigma2=1.0) + WN(1.0) for quality in (1e2, 1e8))
+    assert np.all(np.isfinite(gaussian.ratio_variances(short, design(2**28, 8))))
+    with pytest.raises(MissingTheoryError, match="at most 67108864 samples"):
+        covariance(lasting, design(2**27, 8))
 
 
 def test_strides_against_the_definition():

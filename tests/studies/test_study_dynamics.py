@@ -10,7 +10,7 @@ pytestmark = pytest.mark.slow
 
 def test_parameters_follow_a_moving_condition(tmp_path):
     result = study_dynamics.run(reduced=True)
-    # Of 27 intervals at 95 %, seven or more miss by chance in one of 3500 runs.
+    # Of 19 intervals at 95 %, five or more miss by chance in one of 500 runs.
     assert np.mean([share for row in result["rows"] for share in row["covered"]]) > 0.75
     certain = {row["name"] for row in result["rows"] if row["change"] == [1.0, 1.0]}
     assert certain >= {"WN on ramps", "AR1, irregular", "AR1, quick", "GM, irregular"}

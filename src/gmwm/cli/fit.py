@@ -67,7 +67,7 @@ EXAMPLES = (
     'gmwm fit monday.csv tuesday.csv --axis gyro_x --model "WN + RW"',
     'gmwm fit turn.csv --model WN --conditions rates.csv --varies "WN: 1 + rate**2"',
     'gmwm fit a.csv --model "GM + WN" --conditions t.csv --varies "GM.beta: t"',
-    'gmwm fit daily.csv -m "WN + FN" --against time+season:1y+step:2019-03-01',
+    'gmwm fit P496.tenv3 --axis up -m "WN + FN" --against time+season:1y',
     'gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model "WN + RW"',
 )
 _PROCESSES = ", ".join(

@@ -41,7 +41,7 @@ def read(
     mount: Mapping[str, str] | None = None, topic: str | None = None, start: float | None = None,
     stop: float | None = None, skip: Sequence[tuple[float, float]] = (),
 ) -> Imu:  # fmt: skip
-    """Read a static recording from a file, in rad/s and m/s².
+    """Read a static recording from a file, in rad/s and m/s², or a position series, in m.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def read(
         an axis out; or a sequence of the axes in the order of the columns, such as ["time", "gyro_x", None]. By
         default, common names in the header are recognised.
     units : mapping, optional
-        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}; it replaces the units that the file states. If a unit is
-        neither declared here nor stated in the file, the unit of the accelerometers is inferred from the norm of
-        gravity, and the unit of the time stamps if only one is plausible. Otherwise an error is raised.
+        Any of {"gyro": "deg/s", "accel": "g", "position": "mm", "time": "ms"}; it replaces the units in the file. If a
+        unit is neither declared here nor stated in the file, the unit of the accelerometers is inferred from the norm
+        of gravity, and that of the time stamps if only one is plausible. Otherwise an error is raised.
     gaps : "keep" or "longest"
         Keep all segments between gaps, or only the longest one.
     bad_lines : "error" or "skip"

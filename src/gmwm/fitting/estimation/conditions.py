@@ -296,15 +296,11 @@ def fit_conditions(
     functions, links, name = parse_varies(varies)
     _check(model, curves, functions, links)
     parts = np.array(list(curves)).reshape(-1, 1, 1, 1) if bins is None else bins.parts
-    factors = {model.terms.index(term): each.means(parts, term) for term, each in functions.items()}
-    u, middle, half = _scaled(np.mean(parts, axis=-1))
-    follows = {model.terms.index(term): Follows(link, 0.0, 0.0, u) for term, link in links.items()}
-    stack = Stack(model, tuple(curves.values()), factors)
-    if bins is not None:
-        stack = replace(stack, whole=bins.whole, shares=bins.shares)
-    solved = _settle(replace(stack, model=_linked(model, follows), follows=follows), weighting, certify=certify)
+    _, middle, half = _scaled(np.mean(parts, axis=-1))
+    stack = _stack(model, tuple(curves.values()), functions, links, bins=bins, parts=parts)
+    solved = _settle(stack, weighting, certify=certify)
     statistic, df, pvalue = _goodness(solved, weighting)
-    change = _no_change(solved, model, weighting) if factors or follows else None
+    change = _no_change(solved.stack, model, weighting) if functions or links else None
     estimates = _estimates(solved, functions, np.array([[1.0, -middle / half], [0.0, 1 / half]]))
     return ConditionsFit(
         condition=name, structure=str(model), varies=dict(varies), curves=dict(curves),
@@ -314,6 +310,23 @@ def fit_conditions(
         whole=solved.stack.coarse, shares=tuple(stack.shares.tolist()),
         range=(min(curves), max(curves)) if bins is None else bins.range,
     )  # fmt: skip
+
+
+def constancy_pvalue(model: Model, bins: ConditionBins, varies: Mapping[str, str]) -> float:
+    """Return the p-value of the hypothesis that no term varies with a condition that moves, without the fit."""
+    functions, links, _ = parse_varies(varies)
+    return _no_change(_stack(model, bins.curves, functions, links, bins=bins, parts=bins.parts), model, "diagonal")
+
+
+def _stack(
+    model: Model, curves: tuple[WaveletVariance, ...], functions: Mapping[str, Varies], links: Mapping[str, Link], *,
+    bins: ConditionBins | None, parts: NDArray[np.float64],
+) -> Stack:  # fmt: skip
+    factors = {model.terms.index(term): each.means(parts, term) for term, each in functions.items()}
+    u, _, _ = _scaled(np.mean(parts, axis=-1))
+    follows = {model.terms.index(term): Follows(link, 0.0, 0.0, u) for term, link in links.items()}
+    stack = Stack(_linked(model, follows), curves, factors, follows)
+    return stack if bins is None else replace(stack, whole=bins.whole, shares=bins.shares)
 
 
 def _scaled(conditions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
@@ -475,9 +488,9 @@ def _goodness(solved: SolvedStack, weighting: str) -> tuple[float, int, float]:
     return statistic, df, float(scipy.special.gammaincc(df / 2, statistic / 2)) if df > 0 else 1.0
 
 
-def _no_change(solved: SolvedStack, model: Model, weighting: str) -> float:
+def _no_change(stack: Stack, model: Model, weighting: str) -> float:
     """Return the p-value that no term varies, from the residuals of a constant model that functions explain."""
-    short = _short(solved.stack)
+    short = _short(stack)
     constant = _settle(replace(short, model=model, factors={}, follows={}), weighting, certify=False)
     names, slopes = constant.stack.slopes(constant.solution)
     columns = list(short.shapes.T.T) if short.factors else []

@@ -102,7 +102,10 @@ class Lags:
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
         """Yield, for each level k, its index, the first lag over 2^stage, and Cov(W_{j,t}, W_{k,t+u}) at these lags."""
         while len(self.known) <= stage:
-            self.known.append(_halved(self.known[-1], self.design.filter))
+            # A_i at all lags of the recording from A_{i−1}.
+            reach, g = self.design.filter.length - 1, self.design.filter.scaling / np.sqrt(2.0)
+            both = np.concatenate([self.known[-1][reach:0:-1], self.known[-1]])
+            self.known.append(np.convolve(both, np.correlate(g, g, "full"), "valid")[::2].copy())
         below = (self.design.levels[a:end] - stage).tolist()
         pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.design.filter, below)
         for b, (first, values) in enumerate(pairs, a):
@@ -203,13 +206,6 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
             check_stop()
             total += process.generalised_covariance(lags, design.rate)
     return total
-
-
-def _halved(known: Vector, filter: WaveletFilter) -> Vector:
-    """Compute A_i at all lags of the recording from A_{i−1}, which is `known`."""
-    reach, g = filter.length - 1, filter.scaling / np.sqrt(2.0)
-    both = np.concatenate([known[reach:0:-1], known])
-    return np.convolve(both, np.correlate(g, g, "full"), "valid")[::2].copy()
 
 
 def _against(

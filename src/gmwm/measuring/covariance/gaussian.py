@@ -17,6 +17,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Booleans, Matrix, Vector
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.filtered import LONGEST_SAMPLES
 from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums, lag_table
@@ -167,8 +168,12 @@ def _split(present: list[Process], design: Design) -> _Split | None:
     """Return the processes as a sum of exponentials and smooth processes; None if a process has another form, or no
     covariance oscillates and the estimate is robust or a process is smooth: a Gauss rule then needs few nodes."""
     split = _split_of(tuple(present), design.rate, design.samples)
-    plain = design.efficiency is None or (split is not None and np.any(split.terms.decays.imag % np.pi))
-    return split if plain else None
+    if design.efficiency is None or split is None:
+        return split
+    # A robust estimate sums lags until oscillations are below 1e-9; more than 2²⁶ of them would take minutes.
+    lasting = split.terms.decays[split.terms.decays.imag > 0]
+    few = min(design.samples, 21.0 / max(lasting.real.min(initial=np.inf), 1e-300)) <= LONGEST_SAMPLES
+    return split if few and np.any(lasting.imag % np.pi) else None
 
 
 @lru_cache(maxsize=4)

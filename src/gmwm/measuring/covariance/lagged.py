@@ -72,7 +72,10 @@ class _Sums:
             means = 0.5 * self.slope**2 * (2.0 if other < 0 else np.sqrt(2.0) * 2.0 ** (other - 1)) / 2.0
             result += 4.0 * means * float(np.einsum("u,u", pairs, total))
         if self.cumulant:
-            result += self.cumulant * self._excess(a, b)
+            # For x_t = e_t − e_{t−1}, pairs of squared taps that belong to the same error e.
+            (places, taps), (others, weights) = (_taps(int(self.design.levels[k])) for k in (a, b))
+            shared = self._pairs(a, b, others[None, :] - places[:, None])
+            result += self.cumulant * float(taps**2 @ shared @ weights**2)
         return result / float(self.design.counts[a]) / float(self.design.counts[b])
 
     def _pairs(self, a: int, b: int, u: Integers) -> Vector:
@@ -80,12 +83,6 @@ class _Sums:
         last = self.design.samples - 1 - np.maximum(u, 0)
         first = np.maximum(self.widths[a] - 1, self.widths[b] - 1 - u)
         return np.asarray(np.maximum(last - first + 1, 0), dtype=np.float64)
-
-    def _excess(self, a: int, b: int) -> float:
-        """Compute the factor of κ₄: for x_t = e_t − e_{t−1}, pairs of squared taps that belong to the same error e."""
-        (places, taps), (others, weights) = (_taps(int(self.design.levels[k])) for k in (a, b))
-        pairs = self._pairs(a, b, others[None, :] - places[:, None])
-        return float(taps**2 @ pairs @ weights**2)
 
 
 def _against(known: Vector, samples: int, half: int, least: float) -> tuple[int, Vector]:

@@ -63,7 +63,10 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[TermLine, .
             advice="Use the classical wavelet variance with {--robust=no}.",
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
-    return (Model(rest) if rest else None), tuple(TermLine(*at, _gains(at[1], design)) for _, at in felt)
+    # The gains H_j = Σ_l h_{j,l} e^(−iωl) of the wavelet filters h_j at the frequency ω = 2π `cycles`.
+    gains = [_all_gains(at[1], design.filter, int(design.levels[-1]))[design.levels - 1] for _, at in felt]
+    waves = tuple(TermLine(*at, gain) for (_, at), gain in zip(felt, gains, strict=True))
+    return (Model(rest) if rest else None), waves
 
 
 def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, diagonal: bool) -> Matrix:
@@ -75,11 +78,6 @@ def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, 
         for part in _with_noise(noise, {line: density.get(line, 0.0) for line in lines}, design, diagonal=diagonal):
             total += part
     return np.asarray(np.diag(total).copy() if diagonal else total)
-
-
-def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """Compute the gains H_j = Σ_l h_{j,l} e^(−iωl) (J,) of the wavelet filters h_j at the frequency ω = 2π `cycles`."""
-    return _all_gains(cycles, design.filter, int(design.levels[-1]))[design.levels - 1]
 
 
 @lru_cache(maxsize=256)

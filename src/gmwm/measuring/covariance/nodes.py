@@ -93,7 +93,12 @@ class _Grids:
             if found is not None:
                 self._kept[key] = found
         if found is None or found.levels[: len(levels)] != levels:
-            found = _computed(levels, key)
+            samples, ends, alternating, diagonal, memory = key
+            (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
+                np.array(levels, dtype=np.int64), samples, *ends, alternating, diagonal, memory
+            )
+            at = LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces)
+            found = _Grid(levels, at, weight, starts)
             # Memory (samples) up to which nodes are cached: 46 MB at most for 19 levels, 6 MB without a memory.
             if key[-1] <= 1024:
                 with self._lock:
@@ -110,14 +115,6 @@ class _Grids:
 
 
 _grids = _Grids()
-
-
-def _computed(levels: tuple[int, ...], key: _Key) -> _Grid:
-    samples, ends, alternating, diagonal, memory = key
-    (starts, fine, coarse, lag, weight, odd), pieces = _core.covariance_nodes(
-        np.array(levels, dtype=np.int64), samples, *ends, alternating, diagonal, memory
-    )
-    return _Grid(levels, LagGrid(fine, coarse, lag, odd if odd.size else None, pieces=pieces), weight, starts)
 
 
 def alternates(present: list[Process], rate: float) -> bool:

@@ -96,12 +96,16 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
     clearest = Likelihood(means).best_step(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
+    groups = [] if jumps else _together(means)
     for limits in (_CLEAR, _POSSIBLE):
-        places, gain = _together(means, limits) if not jumps else ([], 0.0)
+        excesses = [gain - limits.gain - limits.together * (len(places) - 1) for places, gain in groups]
+        if jumps or max(excesses, default=0.0) <= 0:
+            continue
+        gain, places = max(excesses), groups[int(np.argmax(excesses))][0]
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
-        if places and max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
-            jumps = _one_by_one(means, clearest, places, gain / len(places), limits)
+        if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
+            jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
     if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
         jumps = _warm_up_at(means, clearest, jumps) or jumps
     return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
@@ -133,7 +137,7 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
 
 
 def _one_by_one(
-    means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0,
+    means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0, *,
     limits: _JumpLimits = _CLEAR,
 ) -> list[_Jump]:  # fmt: skip
     """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
@@ -166,12 +170,12 @@ def _one_by_one(
     return [_Jump(place, float(size), gain, possible) for place, size, gain in zip(places, sizes, gains, strict=True)]
 
 
-def _together(means: Vector, limits: _JumpLimits) -> tuple[list[float], float]:
-    """Return the places of several jumps that look like a random walk one by one, and the reduction of −2 log L by all
-    of them. They are searched as if the noise was white, and compared with all noise models."""
+def _together(means: Vector) -> list[tuple[list[float], float]]:
+    """Return the places of one, two, … jumps that look like a random walk one by one, and the reduction of −2 log L by
+    all of them. They are searched as if the noise was white, and compared with all noise models."""
     likelihood = Likelihood(means)
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
-    places, best, y = list[float](), (list[float](), 0.0), means
+    places, groups, y = list[float](), list[tuple[list[float], float]](), means
     while len(places) < MOST - 1:
         values = Likelihood(y).with_steps(np.array([0]), _FIRST, means.size - _FIRST)[0]
         place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
@@ -179,12 +183,9 @@ def _together(means: Vector, limits: _JumpLimits) -> tuple[list[float], float]:
             break
         places.append(place)
         courses = _courses(places, means.size)
-        gain = without - likelihood.with_all(likelihood.transform(courses))
-        excess = gain - limits.gain - limits.together * (len(places) - 1)
-        if excess > best[1]:
-            best = (list(places), excess)
+        groups.append((list(places), without - likelihood.with_all(likelihood.transform(courses))))
         y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
-    return best
+    return groups
 
 
 def _courses(places: Sequence[float], size: int) -> Matrix:

@@ -238,10 +238,11 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
     z = phase
     for d in range(4):
         z = z - np.add.reduce(z) / z.size
-        squares = inner_product(z, z)
+        # BLAS uses threads only for longer vectors.
+        squares = float(z @ z)
         if not squares > 0:
             return None
-        r1 = inner_product(z[:-1], z[1:]) / squares
+        r1 = float(z[:-1] @ z[1:]) / squares
         delta = r1 / (1 + r1)
         if delta < 0.25 or d == 3:
             break

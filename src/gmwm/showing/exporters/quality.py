@@ -91,8 +91,8 @@ def left_out(sensors: Iterable[SensorNoise]) -> list[str]:
     more = f" and {count - len(parts)} more" if count > len(parts) else ""
     if not parts:
         return []
-    near = "N and K contain their error if the period is 1/10 to 3 times the horizon"
-    return [f"Periodic disturbances ({near}): {', '.join(parts)}{more}."]
+    near = "in N and K if the period is 1/10 to 3 times the horizon"
+    return [f"Periodic disturbances, {near}: {', '.join(parts)}{more}."]
 
 
 _TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}  # power of time in the unit of each parameter, for `noise_unit`
@@ -212,9 +212,9 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
         text = f"{name}, {times} s: "
         if not any(map(math.isnan, losses)):
-            text += f"error / full model's error {', '.join(f'{loss:.2f}' for loss in losses)}; "
+            text += f"error / full model's {', '.join(f'{loss:.2f}' for loss in losses)}; "
         ratios = ", ".join(_range([each.claim for each in at]) for at in by_time)
-        lines.append(f"{text}stated / real error{before} {ratios}.")
+        lines.append(f"{text}stated / real{before} {ratios}.")
         spans = {pair: true_times([axis.fit for axis in axes], *pair) for pair, axes in groups.items()}
         first = min(spans, key=lambda pair: spans[pair][1])
         since, until = max(begin for begin, _ in spans.values()), spans[first][1]
@@ -230,8 +230,8 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
             holds.append(f"{until:g} s ({NAMES[sensor.quantity]})")
         large = large or losses[-1] > LARGE_LOSS
     if holds:
-        within = f"the smallest stated / real error is {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g}"
-        lines.append(f"N and K hold up to {', '.join(holds)}: until then, {within}.")
+        within = f"the smallest stated / real is {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g}"
+        lines.append(f"N and K hold up to {', '.join(holds)}: {within}.")
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 
