@@ -24,7 +24,7 @@ SAMPLES = 1 << 15
 RAMP = 8192
 """Samples of one ramp of the turntable, from 0 to 200 deg/s."""
 RUNS = {
-    "WN on ramps": 300, "WN, weak": 40, "WN, none": 200, "AR1, irregular": 300, "AR1, quick": 15, "GM, irregular": 300,
+    "WN on ramps": 300, "WN, weak": 40, "WN, none": 100, "AR1, irregular": 300, "AR1, quick": 15, "GM, irregular": 300,
 }  # fmt: skip
 
 Array = NDArray[np.float64]
