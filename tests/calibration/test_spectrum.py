@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Severity
-from gmwm.calibration.findings import line_share, oscillations_in_n
+from gmwm.calibration.findings import _oscillators, line_share, oscillations_in_n
 from gmwm.measuring.spectrum import Line
 from tests.helpers import code_of
 
@@ -59,6 +59,17 @@ def test_a_resonance_is_named():
     (remark,) = [remark for remark in found.remarks if remark.code == "resonance-found"]
     assert remark.facts["frequencies"][0].value == pytest.approx(20, rel=0.03)
     assert remark.facts["widths"][0].value == pytest.approx(2, rel=0.2)
+
+
+def test_an_oscillator_beside_a_ramp_has_a_height():
+    """A ramp has no spectral density. `calibrate` failed if its model had both."""
+    rng = np.random.default_rng(2)
+    time = np.arange(60_000) / RATE
+    x = 1e-3 * rng.normal(size=time.size) + 2e-4 * np.sin(2 * np.pi * 20 * time) + 1e-5 * time
+    fit = gmwm.fit("WN + OSC + DR", gmwm.wavelet_variance(x, rate=RATE))
+    ((frequency, _, height),) = _oscillators(fit)
+    assert 10 < frequency < 40
+    assert height > 1
 
 
 def test_share_of_a_line_is_what_it_adds():

@@ -349,7 +349,7 @@ def test_demo_estimates_come_from_its_file(demo, gmwm):
     target, words, machine = demo
     again = gmwm("calibrate", target / "imu.csv", "--json").json
     assert again["axes"] == machine.json["calibration"]["axes"]
-    found = library.Calibration.load(target / "calibration.json")
+    found = library.Calibration.load(target)
     assert summary(found, Dialect.SHELL) in words.out
     assert (target / "summary.txt").read_text(encoding="utf-8") == summary(
         found, Dialect.SHELL, details=True, every=True

@@ -346,12 +346,14 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
 def _oscillators(fit: Fit) -> Iterator[tuple[float, float, float]]:
     """Yield frequency, width and height above the other noise of each damped oscillator of a model that is as high."""
     rate = fit.wavelet_variance.rate
-    for process in fit.model.processes:
+    # A ramp has no spectral density.
+    noises = [process for process in fit.model.processes if process.line(rate) is None and process.has("psd")]
+    for process in noises:
         peak = process.oscillation()
-        if peak is None or process.line(rate) is not None or not 0 < peak < rate / 2 or process.scale == 0:
+        if peak is None or not 0 < peak < rate / 2 or process.scale == 0:
             continue
         density = float(process.psd([peak], rate)[0])
-        others = sum(float(other.psd([peak], rate)[0]) for other in fit.model.processes if other.line(rate) is None)
+        others = sum(float(other.psd([peak], rate)[0]) for other in noises)
         if "quality" in process.values and density > 0.5 * others:
             yield peak, peak / process.value("quality"), others / (others - density) if others > density else math.inf
 

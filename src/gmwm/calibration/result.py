@@ -377,7 +377,7 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         Parameters
         ----------
         path : path
-            The JSON file.
+            The JSON file, or the folder with a calibration.json.
 
         Returns
         -------
@@ -392,8 +392,9 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         """
         from gmwm.calibration.document import read_text
 
-        if not Path(path).exists():
-            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}", argument="path", got=str(path))
+        path = Path(path) / "calibration.json" if Path(path).is_dir() else Path(path)
+        if not path.exists():
+            raise ReadError(f"{path} does not exist in {path.absolute().parent}", argument="path", got=str(path))
         content = read_text(path)
         try:
             return cls.from_dict(content)

@@ -13,7 +13,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.options import Plot
-from gmwm.cli.output import Outcome, calibration_file, plot_file, progress
+from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import names_of
 from gmwm.files.importers.values import parse_reference
 
@@ -74,7 +74,7 @@ def agree(
 
     references = parse_references(reference or ())
     with progress("reading"):
-        calibrations = [Calibration.load(calibration_file(file)) for file in files]
+        calibrations = [Calibration.load(file) for file in files]
     if len(calibrations) == 1 and not references:
         raise OptionError(
             "one calibration needs a reference to agree with", argument="reference", got=None,

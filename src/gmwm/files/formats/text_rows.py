@@ -117,11 +117,8 @@ class RowParser:
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
-        again = (
-            sum(line.strip() in self.headers for line in block.splitlines())
-            if any(header in block for header in self.headers)
-            else 0
-        )
+        has_header = any(header in block for header in self.headers)
+        again = sum(line.strip() in self.headers for line in block.splitlines()) if has_header else 0
         begin = _BLANK_BEGIN.match(block)
         blank = sum(run[0].count(b"\n") - 1 for run in _BLANK_RUN.finditer(block, begin.end() if begin else 0))
         blank += begin[0].count(b"\n") if begin else 0
@@ -137,15 +134,13 @@ class RowParser:
         with suppress(pl.exceptions.PolarsError):  # a line cannot be parsed
             # Polars finds the number of columns in the first line, even if it is blank.
             odd_blanks = b"\f" in block or b"\v" in block  # Polars reads a line of them as a row
-            frame = self._frame_or_none(
-                _without_blank_lines(block) if odd_blanks else _BLANK_BEGIN.sub(b"", block, count=1)
-            )
+            text = _without_blank_lines(block) if odd_blanks else _BLANK_BEGIN.sub(b"", block, count=1)
+            frame = self._frame_or_none(text)
             if frame is not None and _has_nulls(frame) and (b"\n\n" in block or b"\n\r\n" in block):
                 frame = self._frame_or_none(_without_blank_lines(block))
             if frame is not None and (_has_nulls(frame) or self._has_more_cells(block, frame.height)):
-                frame = self._frame_or_none(
-                    _without_blank_lines(block if self._even(block) else self._repair(block, line))
-                )
+                text = block if self._even(block) else self._repair(block, line)
+                frame = self._frame_or_none(_without_blank_lines(text))
             return frame
         try:
             return self._frame_or_none(_without_blank_lines(self._repair(block, line)))
@@ -191,9 +186,8 @@ class RowParser:
 
     def _repair(self, block: bytes, line: int) -> bytes:
         """Return the block without repeated headers, and with rows of missing values for bad lines."""
-        gap = (b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()).join(
-            [_GAP] * self.dialect.columns
-        )
+        delimiter = b" " if self.dialect.delimiter == BLANKS else self.dialect.delimiter.encode()
+        gap = delimiter.join([_GAP] * self.dialect.columns)
         good = []
         for number, raw in enumerate(BytesIO(block), line):
             if raw.isspace():

@@ -115,8 +115,7 @@ class Lags:
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
         """Return Cov(W_{j,t}, X_{t+u}), as the first lag and values at all lags with a pair that are not negligible. X
         are the scaling coefficients of level `stage`, and `level` is the level j minus `stage`."""
-        filter, known = self.design.filter, self.known[stage]
-        far = known.size - 1
+        filter, known, far = self.design.filter, self.known[stage], self.known[stage].size - 1
         done, first, smooth = self.smooth.get(stage, (0, -far, known))
         if not done:
             # Beyond its memory, a stationary process has no covariance, so the lags there need no sums.
