@@ -40,6 +40,7 @@ def test_each_name_of_gmwm_in_the_tables_exists():
     names = {match[1] for code in codes if (match := re.match(r"(?:gmwm\.)?([a-z_]+(?:\.[a-z_]+)*)(?:\(|$)", code))}
     objects = ("fit", "ml", "wv", "curves", "calibration", "made", "numpy")
     names = {name for name in names if not name.startswith(tuple(f"{object}." for object in objects))}
-    assert len(names) > 20
+    names = {name for name in names if "." in name or any(f"{name}(" in code for code in codes)}
+    assert len(names) > 12
     for name in names:
         resolve_name(f"gmwm.{name}")
