@@ -39,7 +39,8 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
         span = Quantity(max(missing, 0.0), "s")
-        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
+        use = "longest" if 2 * max(last - first for first, last in extent.unbroken) >= extent.samples else "all"
+        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length, use=use)
     if count:
         yield Remark.of("gaps-filled", case="filled", share=filled / (extent.samples + filled), count=count)
     if base.duplicates:
