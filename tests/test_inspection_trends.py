@@ -84,7 +84,7 @@ def test_a_line_and_a_parabola(kind, code):
     assert trend.size == pytest.approx(-1e-3 if kind == "linear" else 0, abs=2e-4)
     remark = only(found.remarks, code)
     assert remark.facts["size"].unit == "deg/h"
-    assert 0.0 <= remark.facts["share"] < 90.0
+    assert 0.0 <= remark.facts["left"] < 90.0
     assert f"{kind} trend of gyro_x" in found.summary()
 
 

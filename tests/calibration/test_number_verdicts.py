@@ -14,11 +14,11 @@ from gmwm.choosing.datasheets import Entry
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
 
 
-def trend(share):
+def trend(left):
     """A warm-up without which K is a share (%) of what it is."""
     span = Quantity(60.0, "s")
     return Remark.of(
-        "warm-up", "gyro_x", case="large", size=Quantity(1.0, "deg/h"), tau=span, share=share,
+        "warm-up", "gyro_x", case="large", size=Quantity(1.0, "deg/h"), tau=span, left=left,
         numbers=("B", "K", "R"), duration=span, first=span, way="start",
     )  # fmt: skip
 

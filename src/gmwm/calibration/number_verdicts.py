@@ -152,7 +152,7 @@ def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
 
 def _is_small(remark: Remark, entry: Entry) -> bool:
     """Return whether a trend moves a number by less than half of the way to the lower end of its interval."""
-    share = remark.facts.get("share")
-    if not (isinstance(share, float) and entry.low is not None and entry.value > 0):
+    left = remark.facts.get("left")
+    if not (isinstance(left, float) and entry.low is not None and entry.value > 0):
         return False
-    return (share / 100) ** 2 * entry.value >= entry.low
+    return (left / 100) ** 2 * entry.value >= entry.low

@@ -123,7 +123,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
             "size": in_datasheet_units(abs(trend.size), 0.0, unit),
-            "share": 100 * trend.share,
+            "left": 100 * trend.share,
             # The numbers that are estimated at long scales, where a trend looks like noise.
             "numbers": ("B", "K", "R"),
         }
