@@ -144,15 +144,15 @@ def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
     tau = remark.facts.get("tau")
     return (
         symbol == "K"
-        and "walk" not in remark.facts
+        and remark.code != "warm-up"
         and isinstance(tau, Quantity)
         and tau.value > MEMORIES_OF_FILTER * tracking
     )
 
 
 def _is_small(remark: Remark, entry: Entry) -> bool:
-    """Return whether the factor by which a trend raises a number is within the confidence interval of the number."""
-    walk, limit = remark.facts.get("walk"), remark.facts.get("limit")
-    if not (isinstance(walk, Quantity) and isinstance(limit, Quantity) and entry.high and entry.value > 0):
+    """Return whether a trend moves a number by less than half of the way to the lower end of its interval."""
+    left = remark.facts.get("left")
+    if not (isinstance(left, float) and entry.low is not None and entry.value > 0):
         return False
-    return walk.value <= limit.value * entry.high / entry.value
+    return (left / 100) ** 2 * entry.value >= entry.low

@@ -142,8 +142,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
             "size": in_datasheet_units(abs(trend.size), 0.0, unit),
-            "walk": in_datasheet_units(trend.walk_with_trend, -0.5, unit),
-            "limit": in_datasheet_units(trend.walk_limit, -0.5, unit),
+            "left": 100 * trend.share,
             # The numbers that are estimated at long scales, where a trend looks like noise.
             "numbers": ("B", "K", "R"),
         }
