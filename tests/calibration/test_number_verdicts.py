@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.calibration.number_verdicts import Usability, as_limit, verdict_of_number
+from gmwm.calibration.number_verdicts import Usability, affected, as_limit, verdict_of_number
 from gmwm.choosing.datasheets import Entry
 
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
@@ -64,7 +64,8 @@ def calibration():
 def test_a_misfit_far_beyond_the_averaging_time_of_a_filter_leaves_k(calibration, multiple, usability):
     sheet = calibration.datasheets["gyro_x"]
     tau = Quantity(multiple * sheet["N"].value / sheet["K"].value, "s")
-    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below")
+    numbers = (*affected(("K", "B"), tau.value, sheet), "slow terms")
+    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below", numbers=numbers)
     verdicts = replace(calibration, recording_remarks=(misfit,)).number_verdicts["gyro_x"]
     assert verdicts["K"].usability.value == usability
     assert verdicts["B"].usability is Usability.DO_NOT_USE
