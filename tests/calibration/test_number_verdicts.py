@@ -2,14 +2,19 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import gmwm
-from gmwm.base.remarks import Quantity, Remark
-from gmwm.calibration.number_verdicts import Usability, as_limit, verdict_of_number
+from gmwm.base.remarks import Quantity, Remark, Severity
+from gmwm.base.remarks.registry import messages
+from gmwm.base.remarks.rendering import cases
+from gmwm.calibration.number_verdicts import Usability, affected, as_limit, verdict_of_number
+from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.choosing.datasheets import Entry
+from tests.helpers import code_of
 
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
 
@@ -77,7 +82,8 @@ def calibration():
 def test_a_misfit_far_beyond_the_averaging_time_of_a_filter_leaves_k(calibration, multiple, usability):
     sheet = calibration.datasheets["gyro_x"]
     tau = Quantity(multiple * sheet["N"].value / sheet["K"].value, "s")
-    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below")
+    numbers = (*affected(("K", "B"), tau.value, sheet), "slow terms")
+    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below", numbers=numbers)
     verdicts = replace(calibration, recording_remarks=(misfit,)).number_verdicts["gyro_x"]
     assert verdicts["K"].usability.value == usability
     assert verdicts["B"].usability is Usability.DO_NOT_USE
@@ -103,3 +109,27 @@ def test_a_weak_walk_is_a_bound_and_no_misfit():
         ((axis, result),) = calibration.axes.items()
         assert calibration.number_verdicts[axis]["K"].to_dict()["use"] != "do not use"
         assert result.datasheet["K"].low <= true <= result.datasheet["K"].high
+
+
+def test_a_number_that_a_remark_names_is_not_marked_as_usable(calibration):
+    for message in messages().values():
+        for remark in cases(message):
+            verdicts = replace(calibration, recording_remarks=(replace(remark, subject="gyro_x"),)).number_verdicts
+            numbers = remark.facts.get("numbers")
+            # This remark names the source of two numbers, and has nothing against them.
+            affects = message.code != "numbers-from-curve" and remark.severity is not Severity.INFO
+            if isinstance(numbers, tuple) and affects:
+                usable = {symbol for symbol, one in verdicts["gyro_x"].items() if one.usability is Usability.USE}
+                assert not usable.intersection(map(str, numbers)), (message.code, remark.facts)
+
+
+def test_a_trend_within_the_intervals_is_a_note(calibration):
+    sheet = calibration.datasheets["gyro_x"]
+    facts = {"size": Quantity(1.0, "deg/h"), "walk": Quantity(1.01, "K"), "limit": Quantity(1.0, "K")}
+    curve = Remark.of("trend", "gyro_x", case="curve", **facts, numbers=tuple(s for s in ("K", "B") if s in sheet))
+    inspection = SimpleNamespace(remarks=(curve,))
+    (remark,) = recording_remarks(inspection, calibration.axes, ())
+    assert (code_of(remark), remark.severity, remark.facts["numbers"]) == ("trend:small", Severity.INFO, ())
+    strong = replace(curve, facts={**curve.facts, "walk": Quantity(9.0, "K")})
+    (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes, ())
+    assert (code_of(remark), remark.severity) == ("trend:curve", Severity.WRONG)

@@ -155,7 +155,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
                 facts["first"] = Quantity(round_up(until.value), "s")
                 yield Remark.of("warm-up", trend.axis, case="large", **facts, tau=tau, duration=until, way=way)
         elif trend.kind == "linear":
-            yield Remark.of("linear-trend", trend.axis, **facts)
+            yield Remark.of("linear-trend", trend.axis, **{**facts, "numbers": ("K", "R")})
         else:
             yield Remark.of("trend", trend.axis, case="curve", **facts)
 
