@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
-from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
+from gmwm.base.remarks import Remark, Severity, sorted_remarks
 from gmwm.base.units import sensor_of
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets import Entry
