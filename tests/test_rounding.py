@@ -81,7 +81,7 @@ def test_remarks(ratio, code):
         return
     remark = only(found.remarks, "output-rounded:rounded" if code == "output-rounded" else code)
     assert remark.severity is (Severity.WRONG if code == "coarse-output" else Severity.INFO)
-    assert (round(remark.facts["step"].value, 6), remark.facts["step"].unit) == (0.05, "deg/s")
+    assert (round(remark.facts["step"].value, 6), remark.facts["step"].unit) == (180.0, "deg/h")
     if ratio < 5:
         assert remark.facts["ratio"] == pytest.approx(ratio, rel=0.06)
     if code == "output-rounded":

@@ -319,5 +319,5 @@ FAULTS: dict[str, Callable[[int, Rng], Array]] = {
     "cic_coarse": cic_coarse, "periodic": periodic, "student_3": student(3.0), "student_2.5": student(2.5),
     "cauchy": cauchy, "outliers_in_quantization": outliers_in_quantization, "telegraph": telegraph,
     "moved_end": moved_end, "dithered": dithered, "pulses": pulses(4, 10, 5, 10, 4000),
-    "states": pulses(20, 50, 3, 8, 1000), "second_warm_up": second_warm_up,
+    "states": pulses(20, 50, 3, 8, 1000), "second_warm_up": second_warm_up, "none": base,
 }  # fmt: skip

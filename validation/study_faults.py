@@ -48,7 +48,7 @@ NAMED: dict[str, str] = {
 TRUTH = dict.fromkeys(
     ("clipped", "clipped_both", "full_scale", "lost", "asleep", "dead_start", "jump", "jump_white", "jumps", "wrapped",
      "wrapped_rare", "interpolated", "periodic", "student_3", "student_2.5", "cauchy", "moved_end",
-     "dithered", "pulses", "states", "second_warm_up", "jumps_in_walk", "cic", "cic_coarse"), 1.0,
+     "dithered", "pulses", "states", "second_warm_up", "none", "jumps_in_walk", "cic", "cic_coarse"), 1.0,
 ) | {"held_2": 2**0.5, "held_4": 2.0, "held_10": 10**0.5, "polled": 1.6**0.5, "resampled": 1.6**0.5} | {
     "outliers_in_quantization": 1.0884}  # fmt: skip
 """True N over that of the white noise at the rate of the log. For other kinds, N depends on the fault. Quantization

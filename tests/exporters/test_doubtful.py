@@ -10,11 +10,14 @@ import pytest
 
 import gmwm
 from gmwm.base.remarks import Quantity, Severity, texts
+from gmwm.base.remarks.registry import messages
+from gmwm.base.remarks.rendering import cases
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.misfit import misfit_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.showing.exporters import export_all, export_formats
 from gmwm.showing.exporters.base import find_exporter
+from gmwm.showing.exporters.quality import verdict
 from tests.helpers import code_of, each, only
 
 from .conftest import TRUTHS, calibrated, exact_curve, remarks_in, words
@@ -52,14 +55,53 @@ def test_they_are_the_axes_that_cannot_be_used(bad):
     for axis in ("gyro_z", "accel_x"):
         remark = next(remark for remark in bad.remarks if (remark.code, remark.subject) == ("model-misfit", axis))
         assert set(remark.facts["numbers"]) & {"N", "K", "B"}
-        for symbol, verdict in bad.number_verdicts[axis].items():
-            refused = verdict.usability is Usability.DO_NOT_USE and verdict.reason == remark
+        for symbol, one in bad.number_verdicts[axis].items():
+            refused = one.usability is Usability.DO_NOT_USE and one.reason == remark
             assert refused == (symbol.partition(" of ")[0] in remark.facts["numbers"]), symbol
     for remark in remarks_in(bad, "kalibr"):
         if remark.code == "model-misfit":
             far = misfit_of(bad.axes[remark.subject])
             assert (remark.facts["ratio"], remark.facts["tau"]) == (far.times, Quantity(far.tau, "s"))
             assert remark.facts["side"] == ("above" if far.ratio > 1 else "below")
+
+
+def refused_in(text, calibration):
+    """The numbers that the verdict of a file says not to use."""
+    stop = re.search(r"Verdict: DO NOT USE (.*?) until the cause is found", words(text))
+    refused = set()
+    for part in re.split(r", (?=[NKB] of )| and (?=[NKB] of )", stop[1] if stop else ""):
+        symbols, axes = part.split(" of ") if " of " in part else ("NKB", part)
+        names = calibration.axes if axes == "this file" else re.findall(r"\w+_[xyz]", axes)
+        refused |= {(symbol, axis) for symbol in symbols for axis in names}
+    return refused
+
+
+def refused_by_table(calibration):
+    return {
+        (symbol, axis)
+        for axis, of_axis in calibration.number_verdicts.items()
+        for symbol, one in of_axis.items()
+        if symbol in ("N", "K", "B") and one.usability is Usability.DO_NOT_USE
+    }
+
+
+def test_a_file_refuses_the_numbers_that_the_table_refuses(units):
+    """For every message, on one axis, on one sensor and on the recording."""
+    unit, kinds = units["quantized"], set()
+    for message in messages().values():
+        for remark in (replace(remark, subject=name) for remark in cases(message) for name in ("", "gyro_x", "accel")):
+            found = replace(unit, recording_remarks=(remark,))
+            table = refused_by_table(found)
+            assert refused_in(verdict(found), found) == table, (code_of(remark), remark.subject)
+            kinds.add(len(table))
+    assert len(kinds) > 4
+
+
+@pytest.mark.slow
+@each("format", CONSUMERS)
+def test_a_file_with_a_model_that_fails_refuses_as_its_table(bad, format):
+    table = refused_by_table(bad)
+    assert refused_in(bad.export(format=format), bad) == table != set()
 
 
 @pytest.mark.slow

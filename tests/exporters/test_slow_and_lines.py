@@ -63,7 +63,7 @@ def test_lines_are_named_and_their_error_is_counted(lines, format):
     assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
     assert of_axes["gyro_x"][0]["amplitude"].unit == "rad/s"
     assert sorted(facts["frequency"].value for facts in of_axes["accel_y"]) == pytest.approx([0.7, 20.0], rel=1e-3)
-    assert "3 times the horizon): gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
+    assert "3 times the horizon: gyro_x 0.7 Hz (0.00028 rad/s)" in words(text)
 
 
 def test_ros_leaves_lines_out(lines):

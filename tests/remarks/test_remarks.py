@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -136,3 +137,12 @@ def test_names_from_files_are_escaped_in_html():
     assert "&lt;b&gt;" in text
     assert "a &lt; b" in text
     assert "<b>" not in text
+
+
+def test_subjects_with_the_same_detail_state_it_once():
+    time = Quantity(1200.0, "s")
+    remarks = [Remark.of("heavy-tails", axis, case="changes", share=500.0, time=time) for axis in ("gyro_x", "gyro_y")]
+    (text,) = texts(remarks)
+    assert "gyro_x and gyro_y (each 500 % more, and most at about 1200 s)" in text
+    remarks[1] = replace(remarks[1], facts={**remarks[1].facts, "share": 30.0})
+    assert "gyro_y (30 % more" in texts(remarks)[0]

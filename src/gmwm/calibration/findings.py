@@ -15,7 +15,7 @@ from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
 from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
-from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, counts
+from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
 from gmwm.choosing.datasheets.effective import Use, true_times
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.fitting.estimation.goodness import usable_levels
@@ -193,7 +193,9 @@ def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
     if far is None or far.times <= LARGE_MISFIT:
         return Remark.of("model-rejected", axis, case="calibration", line=has_line, sinusoid=sinusoid or "")
     side = "above" if far.ratio > 1 else "below"
-    numbers = far.numbers or ("the numbers of this axis",)
+    numbers: tuple[str, ...] = ("the numbers of this axis",)
+    if far.numbers:
+        numbers = affected(far.numbers, far.tau, axis_calibration.datasheet) or ("B",)
     return Remark.of(
         "model-misfit", axis, tau=Quantity(far.tau, "s"), ratio=far.times, side=side, numbers=numbers, line=has_line,
         sinusoid=sinusoid or "",
@@ -211,10 +213,11 @@ def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[
     worst = int(
         np.argmax(np.where(far, np.abs(np.log(np.maximum(axis_calibration.fit.implied, 1e-300) / wv.variance)), 0.0))
     )
-    ratio = float(axis_calibration.fit.implied[worst] / wv.variance[worst])
+    ratio, tau = float(axis_calibration.fit.implied[worst] / wv.variance[worst]), float(wv.tau[worst])
     yield Remark.of(
-        "coarse-misfit", axis, tau=Quantity(float(wv.tau[worst]), "s"), ratio=max(ratio, 1 / ratio),
+        "coarse-misfit", axis, tau=Quantity(tau, "s"), ratio=max(ratio, 1 / ratio),
         side="above" if ratio > 1 else "below",
+        numbers=(*affected(("K", "B"), tau, axis_calibration.datasheet), "slow terms"),
     )  # fmt: skip
 
 

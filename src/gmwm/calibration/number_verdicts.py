@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
-from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
+from gmwm.base.remarks import Remark, Severity, sorted_remarks
 from gmwm.base.units import sensor_of
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets import Entry
@@ -61,11 +61,7 @@ def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdi
     verdicts: dict[str, dict[str, NumberVerdict]] = {}
     for axis, result in calibration.axes.items():
         of_axis = [remark for remark in remarks if remark.subject in ("", axis, sensor_of(axis))]
-        tracking = _tracking_time(result.datasheet)
-        verdicts[axis] = {
-            symbol: verdict_of_number(entry, [remark for remark in of_axis if not _is_beyond(remark, symbol, tracking)])
-            for symbol, entry in result.datasheet.items()
-        }
+        verdicts[axis] = {symbol: verdict_of_number(entry, of_axis) for symbol, entry in result.datasheet.items()}
     for axis in calibration.failed:
         reason = next(remark for remark in remarks if remark.subject == axis)
         verdicts[axis] = {
@@ -79,7 +75,7 @@ def verdict_of_number(entry: Entry, remarks: Iterable[Remark]) -> NumberVerdict:
     symbol = _short(entry)
     remarks = tuple(remark for remark in remarks if remark.severity is not Severity.INFO)
     spoiling = next((remark for remark in remarks if _touches(remark, remark.message.spoils, symbol)), None)
-    raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not _is_small(r, entry)), None)
+    raising = next((r for r in remarks if _touches(r, r.message.raises, symbol) and not is_small(r, entry)), None)
     # If recordings differ, no model fits their mean, and its numbers have wide intervals.
     differ = next((remark for remark in remarks if remark.code == "recordings-differ"), None)
     if spoiling is not None:
@@ -139,20 +135,15 @@ def _tracking_time(datasheet: Mapping[str, Entry]) -> float:
     return math.inf if white is None or walk is None or not walk.value > 0 else white.value / walk.value
 
 
-def _is_beyond(remark: Remark, symbol: str, tracking: float) -> bool:
-    """Return whether a misfit is at a scale that is too long to affect K of a filter. `tau` of a trend is no scale."""
-    tau = remark.facts.get("tau")
-    return (
-        symbol == "K"
-        and "walk" not in remark.facts
-        and isinstance(tau, Quantity)
-        and tau.value > MEMORIES_OF_FILTER * tracking
-    )
+def affected(symbols: Iterable[str], tau: float, datasheet: Mapping[str, Entry]) -> tuple[str, ...]:
+    """Return the numbers that a misfit at a scale `tau` (s) affects: not K of a filter if the scale is long."""
+    beyond = tau > MEMORIES_OF_FILTER * _tracking_time(datasheet)
+    return tuple(symbol for symbol in symbols if not (beyond and symbol == "K"))
 
 
-def _is_small(remark: Remark, entry: Entry) -> bool:
-    """Return whether the factor by which a trend raises a number is within the confidence interval of the number."""
-    walk, limit = remark.facts.get("walk"), remark.facts.get("limit")
-    if not (isinstance(walk, Quantity) and isinstance(limit, Quantity) and entry.high and entry.value > 0):
+def is_small(remark: Remark, entry: Entry) -> bool:
+    """Return whether a trend moves a number by less than half of the way to the lower end of its interval."""
+    left = remark.facts.get("left")
+    if not (isinstance(left, float) and entry.low is not None and entry.value > 0):
         return False
-    return walk.value <= limit.value * entry.high / entry.value
+    return (left / 100) ** 2 * entry.value >= entry.low

@@ -9,6 +9,7 @@ from typing import Any
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import round_text
 from gmwm.calibration.averaging import WALK
+from gmwm.calibration.number_verdicts import is_small
 from gmwm.calibration.result import AxisCalibration
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import Inspection
@@ -50,7 +51,12 @@ def recording_remarks(
         if remark.code == _LINE and ramp is not None and ramp.value and not ramp.upper_only:
             continue
         numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
-        facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
+        raised = tuple(symbol for symbol in numbers if not is_small(remark, sheet[symbol]))
+        if numbers and not raised:
+            code = "trend" if remark.code == _LINE else remark.code
+            yield Remark.of(code, remark.subject, **{**remark.facts, "case": "small", "numbers": ()})
+            continue
+        facts = {**remark.facts, "numbers": raised or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
 
 

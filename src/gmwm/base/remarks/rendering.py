@@ -76,8 +76,12 @@ def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
     facts = dict(first.facts)
     detail = message.detail_for(facts)
     rendered = [(remark.subject, render(detail, remark.facts)) for remark in group]
-    details = [f"{subject} ({text})" if subject and text else subject or text for subject, text in rendered]
-    subjects = join_names(list(filter(None, dict.fromkeys(details))), most=8)
+    names, contents = [subject for subject, _ in rendered], {text for _, text in rendered}
+    if len(set(names)) > 1 and all(names) and len(contents) == 1 and contents != {""}:
+        subjects = f"{join_names(list(dict.fromkeys(names)), most=8)} (each {contents.pop()})"
+    else:
+        details = [f"{subject} ({text})" if subject and text else subject or text for subject, text in rendered]
+        subjects = join_names(list(filter(None, dict.fromkeys(details))), most=8)
     sentence = message.sentence_for(facts)
     text = render(sentence, {**facts, "subjects": subjects}, dialect)
     if "{subjects}" not in sentence and subjects:

@@ -7,10 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gmwm.base.remarks import Quantity, Remark, Severity
+from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.template import fact_text
 from gmwm.base.text import list_text
 from gmwm.base.units import SI_UNIT, noise_unit
+from gmwm.calibration.findings import unusable
+from gmwm.calibration.number_verdicts import MAIN, Usability
 from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_times
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
@@ -27,16 +29,27 @@ _WHY = {"tilt": "tilt unknown", "recording": "no samples of the axis"}  # reason
 
 
 def verdict(calibration: Calibration) -> str:
-    """Return a sentence on whether the numbers of a file can be used, and which axes must not be used."""
+    """Return a sentence on whether the numbers of a file can be used, and which of them must not be used."""
     if is_given(calibration):
         return "Verdict: these numbers were given, and not measured by gmwm."
-    severe = [remark for remark in calibration.remarks if remark.severity <= Severity.WRONG]
-    if not severe:
-        return f"Verdict: {calibration.verdict.text()}"
-    names = {*calibration.axes, *calibration.failed}
-    axes = list(dict.fromkeys(remark.subject for remark in severe if remark.subject in names))
-    subject = list_text(axes) if axes and all(remark.subject in names for remark in severe) else "this file"
-    return f"Verdict: DO NOT USE {subject} until the cause is found. {severe[0].text()}"
+    refused = refused_numbers(calibration)
+    stop = f"DO NOT USE {list_text(refused)} until the cause is found. " if refused else ""
+    return f"Verdict: {stop}{calibration.verdict.text()}"
+
+
+def refused_numbers(calibration: Calibration) -> list[str]:
+    """Return the numbers N, K and B that must not be used, as in the table, by axis: "accel_x" or "K of accel_x"."""
+    lost = unusable(calibration)
+    if len(lost) == len(calibration.number_verdicts):
+        return ["this file"]
+    axes = {
+        symbol: [
+            axis for axis, of_axis in calibration.number_verdicts.items()
+            if axis not in lost and symbol in of_axis and of_axis[symbol].usability is Usability.DO_NOT_USE
+        ]
+        for symbol in MAIN
+    }  # fmt: skip
+    return [*lost, *(f"{symbol} of {', '.join(names)}" for symbol, names in axes.items() if names)]
 
 
 def rule_of(sensor: SensorNoise, rule: Rule) -> str:
