@@ -159,7 +159,7 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
 def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
     """Return jumps, in order, with the end of each settling: a jump and an exponential decay describe the means better
     than the jump alone, or than the jumps that follow closely (tests/test_inspection_faults.py)."""
-    if not jumps or any(jump.possible for jump in jumps):
+    if not 0 < len(jumps) < MOST or any(jump.possible for jump in jumps):
         return jumps
     likelihood, edges = Likelihood(means), np.arange(means.size + 1)
     places = [jump.place for jump in jumps]
@@ -167,7 +167,7 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
     chains = np.split(np.arange(len(jumps)), np.flatnonzero(np.diff(places) > 8) + 1)
     for chain in chains:
         fits = []
-        for first, last in ((a, b) for a in chain for b in chain if a <= b):
+        for first, last in ((a, b) for a in chain for b in {a, chain[-1]}):
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
                 decay = np.diff(-tau * np.exp(-np.maximum(edges - place, 0.0) / tau))
