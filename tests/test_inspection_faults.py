@@ -256,6 +256,34 @@ def test_a_second_warm_up_makes_k_a_bound():
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
 
 
+def test_a_settling_is_no_staircase_of_jumps():
+    """Subtracted jumps leave a part of a creep in K: without the bound, K of such axes was 2.7 times too large."""
+    rng, size, begin = np.random.default_rng(1018), 240_000, 140_000
+    since = np.arange(size) - begin
+    x = 0.01 * rng.normal(size=size) + np.cumsum(5e-6 * rng.normal(size=size))
+    x += np.where(since > 0, 0.01 * np.exp(-np.maximum(since, 0) / 2500), 0.0)
+    recording = Imu({"accel_x": Signal(x, 100.0, "m/s²", axis="accel_x")})
+    calibration = gmwm.calibrate(recording, "WN + RW")
+    remark = only(calibration.remarks, "level-steps:settles", "accel_x")
+    ((first, last),) = remark.facts["ranges"]
+    assert 1380 < first < 1401
+    assert 1450 < last < 1700
+    assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
+    assert calibration.number_verdicts["accel_x"]["K"].usability.value == "use as a bound"
+
+
+def test_jumps_without_a_decay_are_no_settling():
+    rng = np.random.default_rng(4)
+    settling = 0
+    for count in (1, 2, 3, 4) * 5:
+        x = 0.01 * rng.normal(size=120_000) + np.cumsum(5e-6 * rng.normal(size=120_000))
+        for place in rng.integers(10_000, 110_000, count):
+            x[place:] += rng.choice([-1, 1]) * rng.uniform(0.005, 0.02)
+        steps = gmwm.inspect(Imu({"accel_x": Signal(x, 100.0, "m/s²", axis="accel_x")})).steps
+        settling += any(step.until is not None for step in steps)
+    assert settling == 0
+
+
 @pytest.mark.slow
 def test_a_day_with_harmonics_is_a_part_of_the_model():
     rng, rate = np.random.default_rng(8), 0.25

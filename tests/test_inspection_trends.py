@@ -68,7 +68,8 @@ def test_a_large_random_walk_keeps_its_size_beside_a_warm_up():
     walk = np.cumsum(rng.normal(size=samples)) * 2e-6
     white = rng.normal(size=samples) * 1e-3
     (found,) = inspect(imu_of(white + walk + settling(samples, 3e-3, 400.0))).trends
-    assert found.walk < 2e-6 * np.sqrt(RATE) < found.walk_with_trend
+    assert found.walk == pytest.approx(2e-6 * np.sqrt(RATE), rel=0.2)
+    assert found.walk < found.walk_with_trend
     assert found.walk_limit > 2e-6 * np.sqrt(RATE) * 0.8
 
 
@@ -83,7 +84,7 @@ def test_a_line_and_a_parabola(kind, code):
     assert trend.size == pytest.approx(-1e-3 if kind == "linear" else 0, abs=2e-4)
     remark = only(found.remarks, code)
     assert remark.facts["size"].unit == "deg/h"
-    assert remark.facts["limit"].value < remark.facts["walk"].value
+    assert 0.0 <= remark.facts["left"] < 90.0
     assert f"{kind} trend of gyro_x" in found.summary()
 
 

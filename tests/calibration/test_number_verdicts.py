@@ -19,13 +19,26 @@ from tests.helpers import code_of
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
 
 
-def trend(walk, limit):
-    """A warm-up that raises K from at most `limit` to `walk`."""
+def trend(left):
+    """A warm-up without which K is a share (%) of what it is."""
     span = Quantity(60.0, "s")
     return Remark.of(
-        "warm-up", "gyro_x", case="large", size=Quantity(1.0, "deg/h"), tau=span, walk=Quantity(walk, "u"),
-        limit=Quantity(limit, "u"), numbers=("B", "K", "R"), duration=span, first=span, way="start",
+        "warm-up", "gyro_x", case="large", size=Quantity(1.0, "deg/h"), tau=span, left=left,
+        numbers=("B", "K", "R"), duration=span, first=span, way="start",
     )  # fmt: skip
+
+
+def test_k_of_a_recording_that_is_still_warming_up_is_a_bound():
+    rng, n, rate = np.random.default_rng(41), 90_000, 50.0
+    walk = np.cumsum(rng.normal(0, 1e-5, n)) / math.sqrt(rate)
+    values = rng.normal(0, 1e-4, n) * math.sqrt(rate) + walk + 2e-3 * np.exp(-np.arange(n) / rate / 300)
+    imu = gmwm.Imu({"gyro_x": gmwm.Signal(values, rate, "rad/s", "gyro_x")})
+    kept = gmwm.calibrate(imu, "WN + RW", warmup="keep")
+    assert kept.number_verdicts["gyro_x"]["K"].usability is Usability.BOUND
+    removed = gmwm.calibrate(imu, "WN + RW", against="warmup")
+    assert removed.number_verdicts["gyro_x"]["K"].usability is Usability.USE
+    walk = removed.datasheets["gyro_x"]["K"]
+    assert walk.low <= 1e-5 <= walk.high
 
 
 def test_a_number_without_remarks_is_used_or_a_bound_or_not_determined():
@@ -35,7 +48,7 @@ def test_a_number_without_remarks_is_used_or_a_bound_or_not_determined():
 
 
 def test_a_trend_makes_a_bound_unless_its_effect_is_within_the_interval():
-    large, small = trend(4.0, 2.0), trend(2.2, 2.0)
+    large, small = trend(85.0), trend(95.0)  # the interval begins at 0.8 of K
     assert verdict_of_number(WALK, [large]).usability is Usability.BOUND
     assert verdict_of_number(WALK, [large]).reason == large
     assert verdict_of_number(WALK, [small]).usability is Usability.USE
@@ -55,7 +68,7 @@ def test_a_limit_is_the_upper_end_of_the_interval():
 
 def test_a_remark_that_spoils_a_number_comes_before_one_that_raises_it():
     short = Remark.of("too-short", "gyro_x", case="scales", least=7, scales=4, numbers=("all numbers",))
-    verdict = verdict_of_number(WALK, [short, trend(4.0, 2.0)])
+    verdict = verdict_of_number(WALK, [short, trend(50.0)])
     assert (verdict.usability, verdict.reason) == (Usability.DO_NOT_USE, short)
 
 
@@ -112,11 +125,11 @@ def test_a_number_that_a_remark_names_is_not_marked_as_usable(calibration):
 
 def test_a_trend_within_the_intervals_names_no_number(calibration):
     sheet = calibration.datasheets["gyro_x"]
-    facts = {"size": Quantity(1.0, "deg/h"), "walk": Quantity(1.01, "K"), "limit": Quantity(1.0, "K")}
+    facts = {"size": Quantity(1.0, "deg/h"), "left": 99.9}
     curve = Remark.of("trend", "gyro_x", case="curve", **facts, numbers=tuple(s for s in ("K", "B") if s in sheet))
     inspection = SimpleNamespace(remarks=(curve,))
     (remark,) = recording_remarks(inspection, calibration.axes, ())
-    assert (code_of(remark), remark.severity, remark.facts["numbers"]) == ("trend:small", Severity.UNCERTAIN, ())
-    strong = replace(curve, facts={**curve.facts, "walk": Quantity(9.0, "K")})
+    assert (code_of(remark), remark.severity, remark.facts["numbers"]) == ("trend:small", Severity.INFO, ())
+    strong = replace(curve, facts={**curve.facts, "left": 10.0})
     (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes, ())
     assert (code_of(remark), remark.severity) == ("trend:curve", Severity.WRONG)

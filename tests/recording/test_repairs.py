@@ -110,6 +110,48 @@ def test_frozen_samples_are_gaps_and_a_dead_start_is_left_out(step):
     assert len(part) == pytest.approx(x.size - 900 - np.count_nonzero(frozen), abs=20)
 
 
+@pytest.mark.parametrize(("step", "length"), [(0.0, 5), (0.0, 20), (0.0, 100), (1e-5, 6), (1e-4, 12), (3e-4, 40)])
+def test_holds_of_one_axis_are_gaps(step, length):
+    rng, x = np.random.default_rng(11), _noise(11)
+    x = np.round(x / step) * step if step else x
+    held = np.zeros(x.size, dtype=bool)
+    for first in np.arange(300, x.size - 500, 30 * length) + rng.integers(
+        0, 20 * length, len(x[300 : -500 : 30 * length])
+    ):
+        x[first : first + length] = x[first]
+        held[first + 1 : first + length] = True
+    parts = repaired(_imu(x, gyro_y=_noise(12)))
+    part = next(part for part in parts if "gyro_x" in part.axes)
+    assert part.axes == ("gyro_x",)
+    assert len(part) == pytest.approx(np.count_nonzero(~held), abs=0.001 * x.size)
+    facts = only(part.remarks, "fault-undone:frozen").facts
+    assert facts["longest"].value == pytest.approx(length / RATE, abs=0.021)
+    assert facts["share"] == pytest.approx(100 * np.mean(held), abs=0.1)
+    assert all(len(other) == x.size for other in parts if other is not part)
+
+
+def test_axes_that_repeat_at_different_times_are_divided():
+    x, y = _noise(13), _noise(14)
+    x[100::50], y[120::50] = x[99:-1:50], y[119:-1:50]
+    parts = repaired(_imu(x, gyro_y=y))
+    assert [(part.axes, x.size - len(part)) for part in parts] == [(("gyro_x",), 398), (("gyro_y",), 398)]
+
+
+@pytest.mark.parametrize("digits", [3, 4])
+@pytest.mark.parametrize("kind", ["white", "smooth", "walk"])
+def test_clean_text_with_few_digits_has_no_holds(digits, kind):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=8_000)
+        if kind == "smooth":
+            x = _low_pass(_low_pass(x, 0.1), 0.1)
+        x = np.cumsum(x) if kind == "walk" else x
+        x = 10.0 ** -rng.integers(0, 4) * x + rng.normal()
+        recording = _imu(np.array([float(f"{value:.{digits}g}") for value in x]))
+        (part,) = repaired(recording)
+        assert not {"fault-undone:frozen", "fault-undone:repeated"} & _codes(part)
+
+
 def test_interpolated_samples_are_gaps():
     rng, x = np.random.default_rng(5), _noise(5)
     inside = np.zeros(x.size, dtype=bool)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
-from gmwm.base.remarks import Quantity, Remark, Severity, sorted_remarks
+from gmwm.base.remarks import Remark, Severity, sorted_remarks
 from gmwm.base.units import sensor_of
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets import Entry
@@ -142,8 +142,9 @@ def affected(symbols: Iterable[str], tau: float, datasheet: Mapping[str, Entry])
 
 
 def is_small(remark: Remark, entry: Entry) -> bool:
-    """Return whether the factor by which a trend raises a number is within the confidence interval of the number."""
-    walk, limit = remark.facts.get("walk"), remark.facts.get("limit")
-    if not (isinstance(walk, Quantity) and isinstance(limit, Quantity) and entry.high and entry.value > 0):
+    """Return whether a trend moves a number by less than half of the way to the lower end of its interval."""
+    left = remark.facts.get("left")
+    # The interval of an upper limit begins at zero, whatever the trend does.
+    if not (isinstance(left, float) and entry.low is not None and entry.value > 0) or entry.upper_only:
         return False
-    return walk.value <= limit.value * entry.high / entry.value
+    return (left / 100) ** 2 * entry.value >= entry.low

@@ -21,7 +21,7 @@ from gmwm.base.units import SI_UNIT, find_unit
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_change, motion_of, still_parts
-from gmwm.measuring.inspection.jumps import jumps_of
+from gmwm.measuring.inspection.jumps import jumps_of, with_shared_settling
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, saturation_of
@@ -241,7 +241,7 @@ class RecordingStatistics:
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
-            *findings.of_steps(steps), *(() if parts else findings.of_levels(levels)),
+            *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
             *findings.of_gravity(None if parts else gravity),
@@ -276,6 +276,7 @@ class RecordingStatistics:
             sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
             steps += clear
             steps += [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+        steps = with_shared_settling(steps, self._length / self._extent.rate)
         return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
 
     def _axis(self, axis: str, sums: AxisStatistics) -> AxisInspection:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, moment, round_text
@@ -39,7 +39,8 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         missing = (int(lost.sum()) - filled) / base.rate
         length = "known" if missing > 0.5 / extent.rate else "unknown"
         span = Quantity(max(missing, 0.0), "s")
-        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length)
+        use = "longest" if 2 * max(last - first for first, last in extent.unbroken) >= extent.samples else "all"
+        yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length, use=use)
     if count:
         yield Remark.of("gaps-filled", case="filled", share=filled / (extent.samples + filled), count=count)
     if base.duplicates:
@@ -95,10 +96,17 @@ def of_positions(parts: Sequence[tuple[float, float]]) -> Iterator[Remark]:
     yield Remark.of("recording-moved", case="positions", count=len(parts), parts=shown, **longest)
 
 
-def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
-    """Yield remarks on lasting jumps of the mean, at most two for each axis."""
+def of_steps(steps: tuple[Step, ...], known: Sequence[Remark]) -> Iterator[Remark]:
+    """Yield remarks on lasting jumps of the mean and on settling, at most three for each axis. Jumps within a settling
+    that is `known`, because its jumps were subtracted, are a part of it."""
+    settled: Any = next(
+        (r.facts["ranges"] for r in known if r.code == "level-steps" and r.facts["case"] == "settles"), ()
+    )
+    new = [step for step in steps if not any(begin <= step.time <= end for begin, end in settled)]
     for axis in dict.fromkeys(step.axis for step in steps):
-        jumps = [step for step in steps if step.axis == axis and not step.at_gap]
+        if any(step.axis == axis and step.until is not None for step in new):
+            yield Remark.of("level-steps", axis, case="settles", **settling_times(new))
+        jumps = [step for step in new if step.axis == axis and not step.at_gap and step.until is None]
         if jumps:
             case = "possible" if all(step.possible for step in jumps) else "clear"
             yield Remark.of("level-steps", axis, case=case, **places_of(jumps))
@@ -114,6 +122,17 @@ def places_of(jumps: Sequence[Step]) -> dict[str, Fact]:
     return {"count": len(jumps), "places": places, "first": Quantity(jumps[0].time, "s")}
 
 
+def settling_times(steps: Sequence[Step]) -> dict[str, Fact]:
+    """Return the times in which the mean of any axis settles after a jump, for a remark."""
+    ranges: list[list[float]] = []
+    for step in sorted((step for step in steps if step.until is not None), key=lambda step: step.time):
+        begin, end = float(math.floor(step.time) - 1), float(math.ceil(step.until or 0.0))
+        if not ranges or begin > ranges[-1][1]:
+            ranges.append([begin, end])
+        ranges[-1][1] = max(ranges[-1][1], end)
+    return {"parts": tuple(f"{moment(a)} to {moment(b)}" for a, b in ranges), "ranges": tuple(map(tuple, ranges))}
+
+
 def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
     """Yield remarks on trends, one for each axis. `cut` tells whether the beginning of the file is already left out."""
     longest = {small: _longest(trends, small) for small in (True, False)}
@@ -123,8 +142,7 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
         unit = units[trend.axis]
         facts: dict[str, Fact] = {
             "size": in_datasheet_units(abs(trend.size), 0.0, unit),
-            "walk": in_datasheet_units(trend.walk_with_trend, -0.5, unit),
-            "limit": in_datasheet_units(trend.walk_limit, -0.5, unit),
+            "left": 100 * trend.share,
             # The numbers that are estimated at long scales, where a trend looks like noise.
             "numbers": ("B", "K", "R"),
         }

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.remarks import Remark
-from gmwm.measuring.inspection.findings import in_datasheet_units, places_of
+from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, settling_times
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
@@ -41,12 +42,14 @@ MOST = 10  # largest number of jumps of an axis. More of them are noise, such as
 
 
 class _Jump(NamedTuple):
-    """A jump: place (blocks), size, reduction of −2 log L, and whether it may be part of a random walk."""
+    """A jump: place (blocks), size, reduction of −2 log L, whether it may be part of a random walk, and the place at
+    which a settling of the mean is over that it is a part of."""
 
     place: float
     size: float
     gain: float
     possible: bool
+    until: float | None = None
 
 
 def jumps_of(
@@ -56,14 +59,15 @@ def jumps_of(
 
     As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
     is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
-    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`."""
+    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`. A jump
+    before an exponential, and a staircase that it describes as well, are a settling, which a jump cannot describe."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return []
     steps = []
     seams = np.array([first for first, _ in extent.unbroken])
-    for jump in sorted(_jumps_in(y)):
+    for jump in _with_settling(y, sorted(_jumps_in(y))):
         block = int(jump.place)
         first, last = int(samples[max(block - 2, 0)]), int(samples[min(block + 1, y.size - 1)]) + length
         if np.any((seams > first) & (seams < last)):
@@ -72,21 +76,37 @@ def jumps_of(
         before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
         place = first + corner(part, before, after)
         reach = jump_reach(part, jump.size)
+        time = float(extent.times([place])[0])
         steps.append(
             Step(
-                time=float(extent.times([place])[0]), axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
+                time=time, axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
                 at_gap=extent.has_short_gap(place, reach), index=int(place), possible=jump.possible,
+                until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
             )
         )  # fmt: skip
     return steps
 
 
+def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
+    """Return jumps, those within a settling of another axis as a part of it: it has one cause, such as a power cycle.
+    `reach` (s) is the error of the place of a jump."""
+    settlings = [(step.time - reach, step.until) for step in steps if step.until is not None]
+    return [
+        step if step.possible else replace(
+            step, until=max((end for begin, end in settlings if begin <= step.time <= end), default=None)
+        )
+        for step in steps
+    ]  # fmt: skip
+
+
 def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
-    """Return the remarks on jumps that are subtracted from the samples."""
+    """Return the remarks on jumps that are subtracted from the samples, and on settling."""
     remarks = []
     for axis, item in inspection.axes.items():
         jumps = [step for step in inspection.steps if step.axis == axis and step.is_certain]
-        if 0 < len(jumps) < MOST:
+        if any(step.axis == axis and step.until is not None for step in inspection.steps):
+            remarks.append(Remark.of("level-steps", axis, case="settles", **settling_times(inspection.steps)))
+        if len(jumps) < MOST and (jumps := [step for step in jumps if step.until is None]):
             size = in_datasheet_units(max(abs(step.size) for step in jumps), 0.0, item.unit)
             remarks.append(Remark.of("fault-undone", axis, case="jumps", size=size, **places_of(jumps)))
     return remarks
@@ -134,6 +154,33 @@ def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Seq
     if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.1:
         return []
     return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
+
+
+def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
+    """Return jumps, in order, with the end of each settling: a jump and an exponential decay describe the means better
+    than the jump alone, or than the jumps that follow closely (tests/test_inspection_faults.py)."""
+    if not jumps or any(jump.possible for jump in jumps):
+        return jumps
+    likelihood, edges = Likelihood(means), np.arange(means.size + 1)
+    places = [jump.place for jump in jumps]
+    # A settling looks like jumps at most 8 blocks apart.
+    chains = np.split(np.arange(len(jumps)), np.flatnonzero(np.diff(places) > 8) + 1)
+    for chain in chains:
+        fits = []
+        for first, last in ((a, b) for a in chain for b in chain if a <= b):
+            others = places[:first] + places[last + 1 :]
+            for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
+                decay = np.diff(-tau * np.exp(-np.maximum(edges - place, 0.0) / tau))
+                courses = np.vstack([_courses([*others, place], means.size), decay])
+                value = likelihood.with_all(likelihood.transform(courses))
+                # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
+                fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
+        base, (value, until) = likelihood.with_all(likelihood.transform(_courses(places, means.size))), min(fits)
+        if value < base and until:
+            until = min(max(until, places[chain[-1]] + 1), means.size)
+            for k in chain:
+                jumps[k] = jumps[k]._replace(until=until)
+    return jumps
 
 
 def _one_by_one(

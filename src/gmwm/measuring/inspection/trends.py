@@ -26,9 +26,9 @@ _SIZE = 0.01
 _TAIL = (8.5, 0.4)
 """The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for a random walk of moderate size, the noise that
 is most often mistaken for a trend (docs/validation/trends.md)."""
-_RAISED = 1.2
-"""Ratio of the random walk with a warm-up to its upper limit without it, up to which the warm-up is less than the
-uncertainty of K. K of a recording of hours has a 95 % interval of about ± 20 % (docs/validation/filter.md)."""
+_LEFT = 0.95
+"""Share of the random walk that is left without a warm-up, from which on the warm-up is small: it then moves K by at
+most a quarter of its 95 % interval, which is about ± 20 % for a recording of hours (docs/validation/filter.md)."""
 _EXTRA = 2.0  # improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion
 
 
@@ -38,7 +38,8 @@ class Trend:
 
     `size` is a, or first minus last; `tau` is τ (s), and `until` the time (s) from which an exponential is below one
     standard error. `walk`, `walk_limit` and `walk_with_trend` are the random walk besides the trend (unit/√s), its 95 %
-    upper limit, and the walk with the trend as noise. `pvalue` is that of noise without a trend."""
+    upper limit if a Gauss-Markov process can replace it, and the walk with the trend as noise. `pvalue` is that of
+    noise without a trend."""
 
     axis: str
     kind: Kind
@@ -57,8 +58,13 @@ class Trend:
 
     @property
     def is_small(self) -> bool:
-        """Whether the trend raises the random walk by less than the uncertainty of the random walk."""
-        return self.walk_with_trend <= _RAISED * self.walk_limit
+        """Whether the trend hardly raises the random walk."""
+        return self.share >= _LEFT
+
+    @property
+    def share(self) -> float:
+        """Share of the random walk that is left if the trend is no noise."""
+        return min(self.walk / self.walk_with_trend, 1.0) if self.walk_with_trend else 1.0
 
 
 def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Trend | None:
@@ -156,14 +162,14 @@ class TrendTest:
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
-        """Return γ² of the walk per block with a trend, its 95 % limit, and γ² without a trend."""
+        """Return γ² of the walk per block beside a trend, its 95 % limit, and γ² with the trend as noise."""
         likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
             decay = np.exp(-at / self.tau)
             courses = likelihood.transform(np.vstack([decay, at / self.tau * decay]))
-        walk, limit = likelihood.walk(courses)
-        return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
+        walk, with_trend = (likelihood.walk(of, alone=True)[0] for of in (courses, courses[:0]))
+        return walk, likelihood.walk(courses)[1], with_trend
 
     def until(self) -> float | None:
         """Return the time (blocks) after which the rest of a warm-up is below one standard error of the noise."""

@@ -19,6 +19,7 @@ from gmwm.recording.repairs.repeats import (
     Repeats,
     fraction,
     in_long_runs,
+    is_slow,
     offsets,
     repeats,
     repeats_of,
@@ -123,25 +124,29 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
     for axis in signals:
         sensors.setdefault(sensor_of(axis), []).append(axis)
     groups: dict[Repeats | None, list[str]] = {}
+    lost = dict[str, Mask]()  # samples of a sensor, or of one axis, that repeat the last one
     for axes in sensors.values():
-        for axis, pattern in _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates).items():
+        found = _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates)
+        for axis, (pattern, repeated) in found.items():
             groups.setdefault(pattern, []).append(axis)
+            if pattern is not None and pattern.kind == "lost":
+                lost[axis] = repeated
     plans = [
         _plan(axis, pattern, signals[axis].values, same[axis], begins=begins)
         for pattern, axes in groups.items() for axis in axes
     ]  # fmt: skip
-    return _joined({plan.axes[0]: plan for plan in plans}, batch, begins)
+    return _joined({plan.axes[0]: plan for plan in plans}, lost, batch, begins)
 
 
-def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dict[str, Repeats | None]:
-    """Return how the values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
+def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dict[str, tuple[Repeats | None, Mask]]:
+    """Return how and where values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
     same = np.logical_and.reduce([alone for _, alone in axes.values()])
     pattern = repeats_of([values for values, _ in axes.values()], same, duplicates)
     # Independent axes repeat together as often as chance, up to a factor of 2.
     chance = math.prod(fraction(alone) for _, alone in axes.values())
     if pattern is None or (len(axes) > 1 and fraction(same) < 2 * chance):
-        return {axis: repeats_of([values], alone, duplicates) for axis, (values, alone) in axes.items()}
-    return dict.fromkeys(axes, pattern)
+        return {axis: (repeats_of([values], alone, duplicates), alone) for axis, (values, alone) in axes.items()}
+    return dict.fromkeys(axes, (pattern, same))
 
 
 def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, begins: Indices) -> RepairPlan:
@@ -162,11 +167,13 @@ def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, beg
     return RepairPlan(axes=(axis,), repeats=pattern, dead=dead if dead < _MOST_DEAD * values.size else 0, **mappings)
 
 
-def _joined(plans: Mapping[str, RepairPlan], batch: Batch, begins: Indices) -> list[RepairPlan]:
+def _joined(
+    plans: Mapping[str, RepairPlan], repeated: Mapping[str, Mask], batch: Batch, begins: Indices
+) -> list[RepairPlan]:
     """Join the plans of axes that lose the same samples."""
     joined: list[tuple[RepairPlan, Mask]] = []
     for axis, plan in plans.items():
-        lost = np.zeros(len(batch), dtype=np.bool_)
+        lost = repeated[axis].copy() if axis in repeated else np.zeros(len(batch), dtype=np.bool_)
         if plan.repeats is None:
             for mask in plan.left_out({axis: batch.signals[axis].values}, begins).values():
                 lost |= mask
@@ -196,13 +203,28 @@ def _dead(same: Mask) -> int:
 
 def _frozen_length(values: Vector, same: Mask) -> int:
     """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
-    eight = np.frombuffer(same[: same.size // 8 * 8].tobytes(), dtype=np.uint64)
-    if not np.any(eight == np.uint64(0x0101010101010101)):
-        return 0  # no run is longer than 15 samples
-    level = values[~same]
-    if level.size < 100 or np.count_nonzero(level[2:] == level[:-2]) > _COARSE * (level.size - 2):
+    level, starts = values[~same], np.flatnonzero(~same)
+    if not np.any(same[3:] & same[2:-1] & same[1:-2]) or level.size < 100:
         return 0
-    return max(_FROZEN, int(_FROZEN_TIMES * np.quantile(np.diff(np.flatnonzero(~same)), 0.999)))
+    returned = level[2:] == level[:-2]
+    share = max(fraction(returned), 1 / level.size)
+    if share > _COARSE:
+        return 0
+    lengths, sizes = np.diff(starts), np.abs(np.diff(level))
+    usual = max(_FROZEN, int(_FROZEN_TIMES * np.quantile(lengths, 0.999)))
+    # The output can be coarser, or quieter, in a part: the most returns among w values, less three standard errors.
+    w, sums = min(500, returned.size), np.cumsum(returned)
+    most = np.max(sums[w - 1 :] - sums[: 1 - w] + returned[: 1 - w])
+    share = max(share, (most - 3 * math.sqrt(most)) / w)
+    if share > _COARSE or is_slow(level):
+        return usual
+    # Gaussian values stay at the likeliest level with √2 times this share, and any others at most with its root.
+    stays = min(3 * share, math.sqrt(share))
+    least = max(1 + math.ceil(math.log(_UNLIKELY / values.size) / math.log(stays)), 4)
+    # A smooth signal stays at its turns, and leaves them by small steps.
+    runs = np.flatnonzero(lengths[1:] >= least)
+    ends = np.maximum(sizes[runs], sizes[runs + 1])
+    return least if least < usual and runs.size and np.mean(ends) > np.median(sizes) else usual
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:

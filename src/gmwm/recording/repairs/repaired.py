@@ -67,6 +67,7 @@ class Repair:
         self.starts, self.sizes = list[float](), list[int]()
         self._counts = dict.fromkeys(("repeated", "frozen", "interpolated", "wrapped"), 0)
         self._old_rate, self._all = rate, 0
+        self._frozen = 0, 0  # longest run of frozen samples, and length of the one at the end
         self._last = -1  # number of the last sample that was kept
         self._begins = list[int]()  # segments that began after it
 
@@ -93,6 +94,10 @@ class Repair:
         for name, mask in masks.items():
             new = mask[a:b] & ~left_out
             self._counts[name] += int(np.count_nonzero(new))
+            if name == "frozen":
+                lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~mask[a:b], [True]]))) - 1
+                lengths[0] += self._frozen[1]  # of a run that began before
+                self._frozen = max(self._frozen[0], int(np.max(lengths))), int(lengths[-1])
             left_out |= new
         left_out[: max(plan.dead - first, 0)] = True
         numbers = first + np.flatnonzero(~left_out)
@@ -162,7 +167,11 @@ class Repair:
         elif plan.repeats is not None:
             cases["repeated"] = plan.axes, self._count_and_share("repeated")
         if counts["frozen"]:
-            cases["frozen"] = plan.frozen, {"time": Quantity(counts["frozen"] / old, "s")}
+            time, longest = Quantity(counts["frozen"] / old, "s"), Quantity((self._frozen[0] + 1) / old, "s")
+            cases["frozen"] = (
+                plan.frozen,
+                {"time": time, "longest": longest, "share": 100 * counts["frozen"] / self._all},
+            )
         if counts["interpolated"]:
             cases["interpolated"] = plan.straight, self._count_and_share("interpolated")
         if plan.dead:

@@ -122,7 +122,7 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
     lengths = lengths[lengths <= LIMITS.longest_run * np.median(lengths)]
     every = float(np.mean(lengths))
     share = 1 - 1 / every
-    by_chance = returned > LIMITS.chance_share * share or all(map(_is_slow, levels))
+    by_chance = returned > LIMITS.chance_share * share or all(map(is_slow, levels))
     k = _common_multiple(lengths)
     if k > 1:
         return Repeats("held", float(k), exact=True, by_chance=by_chance)
@@ -133,7 +133,7 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
     return Repeats("held", every) if _is_regular(same, share, lengths) else Repeats("lost")
 
 
-def _is_slow(levels: Vector) -> bool:
+def is_slow(levels: Vector) -> bool:
     """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
     sizes = np.abs(np.diff(levels))
     return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
