@@ -33,8 +33,11 @@ def verdict(calibration: Calibration) -> str:
     if is_given(calibration):
         return "Verdict: these numbers were given, and not measured by gmwm."
     refused = refused_numbers(calibration)
-    stop = f"DO NOT USE {list_text(refused)} until the cause is found. " if refused else ""
-    return f"Verdict: {stop}{calibration.verdict.text()}"
+    text = calibration.verdict.text()
+    if not refused:
+        return f"Verdict: {text}"
+    text = text.partition(". ")[2] if text.startswith("Do not use ") else text
+    return f"Verdict: DO NOT USE {list_text(refused)} until the cause is found. {text}"
 
 
 def refused_numbers(calibration: Calibration) -> list[str]:
