@@ -30,7 +30,7 @@ demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compar
 # A process that has finished takes over tests of another process.
 PYTEST := $(BIN)/python -m pytest -n logical --dist worksteal
 # Checks that run side by side: a tenth of the time of the tests is spent on waiting.
-TOGETHER = $(MAKE) -j3 $(if $(filter output-sync,$(.FEATURES)),--output-sync=line)
+TOGETHER = $(MAKE) -j3
 
 test: $(VENV)/.dev ## run all checks: lint, types, layers, C++ tests, all Python tests
 	@+$(TOGETHER) lint cpp-test all-tests
