@@ -20,4 +20,4 @@ def test_the_budget_of_a_wrong_calibration_names_the_cause():
             Remark.of("recording-moved", case="moved", ratio=9.0, parts=("60 s to 70 s",), ranges=((60.0, 70.0),)),
         ),
     )
-    assert only(moved.budget(60.0).remarks, "budget-of-wrong").facts["causes"] == ("recording-moved",)
+    assert only(moved.budget(60.0).remarks, "budget-of-wrong").facts["causes"] == ("motion of the unit",)

@@ -29,7 +29,7 @@ class Means(RecordingAddition):
     def needs(self, axes):
         return True
     def of_recording(self, signals, *, threads=None):
-        return len(signals)
+        return sum(1 for _ in signals)
     def remarks(self, finding, axes, size):
         yield Remark.of("recommended", "guest", case="reduced", count=finding)
 

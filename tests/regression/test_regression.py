@@ -171,7 +171,7 @@ def test_inspect_tests_each_axis():
     assert found.trends == ()
     left = gmwm.inspect(imu, against="none")
     assert [trend.axis for trend in left.trends] == ["gyro_x"]
-    assert only(left.remarks, "warm-up:small").subject == "gyro_x"
+    assert only(left.remarks, "warm-up:large").subject == "gyro_x"
     assert left.regressions == {}
 
 
