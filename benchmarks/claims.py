@@ -53,7 +53,7 @@ CLAIMS = (
             lambda r: r.ratio("gmwm.wavelet_variance of 10^6", "np.cumsum")),
     _readme("23 levels | 1.5 × `numpy.cumsum`", 1.5, "",
             lambda r: r.ratio("gmwm.wavelet_variance of 10^7", "np.cumsum")),
-    _readme("with limits | 1/11 of allantools", 1 / 11, "",
+    _readme("with limits | 1/7 of allantools", 1 / 7, "",
             lambda r: r.ratio("overlapping Allan, octaves of 10^6", "allantools")),
     _readme("robust wavelet variance of 10⁶ samples | 8.6 × `numpy.cumsum`", 8.6, "",
             lambda r: r.ratio(ROBUST)),

@@ -29,7 +29,7 @@ other program, the median over pairs of runs on one thread: below 1, gmwm is fas
 
 ![Time per sample by length of the record; time by number of Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
-Top: time per sample. For small records, the confidence limits and the checks dominate: they take {small} µs per call.
+Top: time per sample. Small records take {small} µs per call for limits and checks.
 Bottom: fits, covariance and model selection from 10⁶ samples, calibration of several axes, and the largest resident
 memory in addition to `import gmwm`.
 
@@ -37,21 +37,18 @@ memory in addition to `import gmwm`.
 
 {lengths}
 
-A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as a record of 10⁷
-samples in memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB more than after the import, independent of
-its length. The state between two chunks is {state:.1f} MB.
+In chunks, {longest} samples take {stream:.2g} ns each, {over:.2f} times as long as 10⁷ samples in memory. They need
+{memory:.0f} MB, {beyond:.0f} MB more than the import, at any length; the state between chunks is {state:.1f} MB.
 
-`python -m benchmarks --from docs/benchmarks.json --tables` prints the appendix: all ratios and limits.
+`python -m benchmarks --from docs/benchmarks.json --tables` prints all ratios and limits.
 
 ## Real recordings
 
-Each row is a separate process, as in the appendix; the time of a curve is without the start of Python. The
-recordings and curves are not part of the package.
+`gmwm calibrate` with all files; a curve without Python's start.
 
 {recordings}
 
-The processor times of other programs were measured once {when}. The times of
-gmwm are from this run.
+Times of other programs were measured once {when}.
 {others_as_ratios}
 
 {others}
@@ -146,7 +143,7 @@ def _lengths(results: Results) -> str:
 def _recordings(results: Results) -> str:
     if not results.recordings:
         return "This run did not have them."
-    return table(["process", "samples", "s", "s of all processors", "MB"], rows_of_recordings(results))
+    return table(["recording", "samples", "s", "CPU-s", "MB"], rows_of_recordings(results))
 
 
 def _targets(results: Results) -> str:

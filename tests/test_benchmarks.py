@@ -157,8 +157,8 @@ def test_recordings_that_are_missing_are_left_out(tmp_path: Path) -> None:
     rows = [asdict(row) for row in recordings.recordings(tmp_path, samples=10_000)]
     results = Results(empty() | {"recordings": rows})
     assert [row[:2] for row in recordings.rows_of_recordings(results)] == [
-        ["gmwm calibrate, 1 kHz, no sample lost", "6×10⁴"],
-        ["gmwm calibrate, 1 kHz, 0.5 % of the samples lost", "6×10⁴"],
+        ["1 kHz, no sample lost", "6×10⁴"],
+        ["1 kHz, 0.5 % of the samples lost", "6×10⁴"],
     ]
     assert all(row["seconds"] > 0 and row["peak"] > 1e7 for row in rows)
 
