@@ -143,8 +143,8 @@ def affected(symbols: Iterable[str], tau: float, datasheet: Mapping[str, Entry])
 
 def is_small(remark: Remark, entry: Entry) -> bool:
     """Return whether a trend moves a number by less than half of the way to the lower end of its interval."""
-    left = remark.facts.get("left")
+    share = remark.facts.get("left")
     # The interval of an upper limit begins at zero, whatever the trend does.
-    if not (isinstance(left, float) and entry.low is not None and entry.value > 0) or entry.upper_only:
+    if not (isinstance(share, float) and entry.low is not None and entry.value > 0) or entry.upper_only:
         return False
-    return (left / 100) ** 2 * entry.value >= entry.low
+    return (share / 100) ** 2 * entry.value >= entry.low

@@ -45,8 +45,8 @@ CLEAR = 4.0
 which assume Gaussian variances (wrong at coarse levels). 2 excludes the true WN + RW in 10 % of recordings, 4 in none
 of 40 (docs/validation/selection.md)."""
 REJECTED = 0.005
-"""A model is not equivalent if its p-value is below this, and that of the best one over `BETTER` times as large. A true
-model has such a p-value in 5 of 1000 recordings (tests/selection/test_decisions.py)."""
+"""A model is not equivalent if its p-value is below this, and the best model's is more than `BETTER` times larger. A
+true model has such a p-value in 5 of 1000 recordings (tests/selection/test_decisions.py)."""
 BETTER = 10.0
 """Ratio of p-values; see `REJECTED`."""
 

@@ -181,9 +181,9 @@ def _regular(times: Vector, path: Path) -> NDArray[np.int64]:
     else:
         interval = max(1.0, round(interval)) if interval > 0.9 else max(round(interval * 86_400, 3), 1e-3) / 86_400
         place = (days - days.min()) / interval
-    whole = np.rint(place - place.min()).astype(np.int64)
-    _, first, counts = np.unique(whole, return_index=True, return_counts=True)
-    off = np.append(np.flatnonzero(np.abs(place - place.min() - whole) > 0.4), first[counts > 1])
+    steps = np.rint(place - place.min()).astype(np.int64)
+    _, first, counts = np.unique(steps, return_index=True, return_counts=True)
+    off = np.append(np.flatnonzero(np.abs(place - place.min() - steps) > 0.4), first[counts > 1])
     if off.size:
         date = np.datetime64(round(days[off[0]] * 86_400), "s")
         raise ReadError(
@@ -191,15 +191,15 @@ def _regular(times: Vector, path: Path) -> NDArray[np.int64]:
             "one", code="time-order", advice="Remove the row, or name the column of the time with {--columns}.",
         )  # fmt: skip
     ns = 86_400 * 10**9
-    return np.asarray(round(days.min() * ns) + round(interval * ns) * whole)
+    return np.asarray(round(days.min() * ns) + round(interval * ns) * steps)
 
 
 def _from_years(years: Vector) -> Vector:
     """Convert decimal years to days since 1970: years of 365.25 days from 2000, or calendar years, whichever gives the
     same time of the day in all rows."""
-    whole = np.floor(years).astype(np.int64)
-    begin = (whole - 1970).astype("M8[Y]").astype("M8[D]").astype(np.float64)
-    end = (whole - 1969).astype("M8[Y]").astype("M8[D]").astype(np.float64)
+    calendar_years = np.floor(years).astype(np.int64)
+    begin = (calendar_years - 1970).astype("M8[Y]").astype("M8[D]").astype(np.float64)
+    end = (calendar_years - 1969).astype("M8[Y]").astype("M8[D]").astype(np.float64)
     # 2000.0 is 2000-01-01 12:00 in the decimal years of tenv3.
-    both = ((years - 2000) * 365.25 + 10_957.5, begin + (years - whole) * (end - begin))
+    both = ((years - 2000) * 365.25 + 10_957.5, begin + (years - calendar_years) * (end - begin))
     return max(both, key=lambda days: abs(np.mean(np.exp(2j * np.pi * days))))

@@ -126,8 +126,8 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
     groups: dict[Repeats | None, list[str]] = {}
     lost = dict[str, Mask]()  # samples of a sensor, or of one axis, that repeat the last one
     for axes in sensors.values():
-        found = _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates)
-        for axis, (pattern, repeated) in found.items():
+        patterns = _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates)
+        for axis, (pattern, repeated) in patterns.items():
             groups.setdefault(pattern, []).append(axis)
             if pattern is not None and pattern.kind == "lost":
                 lost[axis] = repeated
