@@ -26,8 +26,8 @@ _EMPTY = 1e-4
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
 _PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
 _OF_RATE = 3.0
-"""Twice this frequency over the rate after averaging. The memory is far below a mean's length, so that its error, 7 % of
-20 minutes, is small beside that of N; with 2, 95 % intervals of N cover in 88 % (validation/faults.py, cic)."""
+"""Twice this frequency over the rate after averaging. The memory is far below a mean's length, so its error (7 % after
+20 minutes) is small beside that of N; with 2, 95 % intervals of N cover in 88 % (validation/faults.py, cic)."""
 _BAND, _FALLS_AS = 0.1, (2, 3, 4, 6, 8, 12, 16)
 """Density, relative to the slow one, down to which a filter's band is fitted, and powers p of ln S = a − (f/b)^p: 2 for
 averages and windows, 8 and more for sharp edges (tests/recording/test_averages.py)."""
