@@ -57,10 +57,9 @@ def jumps_of(
 ) -> list[Step]:
     """Find the jumps of an axis, ordered by time, from segments of about 256 block means.
 
-    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
-    is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
-    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`. A jump
-    before an exponential, and a staircase that it describes as well, are a settling, which a jump cannot describe."""
+    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales. The clearest jump
+    is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes better are no jumps. Jumps
+    that fit the walk are noise; less clear ones that raise K are `possible`. What an exponential describes settles."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
@@ -75,13 +74,12 @@ def jumps_of(
         part = values(first, last)
         before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
         place = first + corner(part, before, after)
-        reach = jump_reach(part, jump.size)
+        at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, jump.size))
         time = float(extent.times([place])[0])
         steps.append(
             Step(
                 time=time, axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
-                at_gap=jump.until is None and extent.has_short_gap(place, reach), index=int(place),
-                possible=jump.possible,
+                at_gap=at_gap, index=int(place), possible=jump.possible,
                 until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
             )
         )  # fmt: skip
@@ -89,8 +87,7 @@ def jumps_of(
 
 
 def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
-    """Return jumps, those within a settling of another axis as a part of it: it has one cause, such as a power cycle.
-    `reach` (s) is the error of the place of a jump."""
+    """Return jumps, within a settling of another axis as a part of it. `reach` (s) is the error of their places."""
     settlings = [(step.time - reach, step.until) for step in steps if step.until is not None]
     return [
         step if step.possible else replace(
@@ -233,8 +230,7 @@ def _one_by_one(
 
 
 def _together(means: Vector) -> list[tuple[list[float], float]]:
-    """Return the places of one, two, … jumps that look like a random walk one by one, and the reduction of −2 log L by
-    all of them. They are searched as if the noise was white, and compared with all noise models."""
+    """Return the places of one, two, … jumps, searched as if the noise was white, and what they reduce −2 log L by."""
     likelihood = Likelihood(means)
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
     places, y = list[float](), means
@@ -252,8 +248,7 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
 
 def _courses(places: Sequence[float], size: int) -> Matrix:
     """Return a jump of 1 at each place, as block means (C, n)."""
-    at = np.arange(size)
-    return np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
+    return np.asarray(np.clip(np.arange(1.0, size + 1) - np.array(places)[:, None], 0.0, 1.0))
 
 
 def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
@@ -279,6 +274,5 @@ def _raising(means: Vector, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
     courses = likelihood.transform(courses)
-    with_jumps, _ = likelihood.walk(courses[:0], alone=True)
-    _, limit = likelihood.walk(courses, alone=True)
+    (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

@@ -22,6 +22,7 @@ _TIMES = (1.5, 5.0, 16.0)
 """Correlation times of the Gauss-Markov process (blocks); above a tenth of the recording it is close to a walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
+Change = tuple[float, float, float, Vector]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +36,6 @@ class NoiseGrid:
     walks: Vector
     rest: Matrix
     walk: Vector
-
-
-Change = tuple[float, float, float, Vector]
 
 
 @lru_cache(maxsize=4)
@@ -188,7 +186,7 @@ class Likelihood:
         """Return the smallest −2 log L with the first of p transformed courses, with the first two, … together (p,)."""
         root = np.linalg.cholesky(_gram(self.grid.weights, courses))
         cross = np.linalg.solve(root, (self.grid.weights @ (courses * self.z).T)[:, :, None])[:, :, 0]
-        return np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0)
+        return np.asarray(np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0))
 
     def best_change(self, first: int, *, settles: bool = False) -> Change:
         """Return the reduction of −2 log L by the best jump, or settling, its place and time constant (blocks), and the
