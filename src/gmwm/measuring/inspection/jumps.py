@@ -222,7 +222,7 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
     all of them. They are searched as if the noise was white, and compared with all noise models."""
     likelihood = Likelihood(means)
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
-    places, groups, y = list[float](), list[tuple[list[float], float]](), means
+    places, y = list[float](), means
     while len(places) < MOST - 1:
         values = Likelihood(y).with_steps(np.array([0]), _FIRST, means.size - _FIRST)[0]
         place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
@@ -230,9 +230,9 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
             break
         places.append(place)
         courses = _courses(places, means.size)
-        groups.append((list(places), without - likelihood.with_all(likelihood.transform(courses))))
         y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
-    return groups
+    gains = without - likelihood.with_first(likelihood.transform(_courses(places, means.size)))
+    return [(places[: k + 1], float(gain)) for k, gain in enumerate(gains)]
 
 
 def _courses(places: Sequence[float], size: int) -> Matrix:

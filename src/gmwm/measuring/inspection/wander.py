@@ -169,6 +169,12 @@ class Likelihood:
         taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
         return float(np.min(self._profile((self._flat - taken)[:, None]).values))
 
+    def with_first(self, courses: Matrix) -> Vector:
+        """Return the smallest −2 log L with the first of p transformed courses, with the first two, … together (p,)."""
+        root = np.linalg.cholesky(_gram(self.grid.weights, courses))
+        cross = np.linalg.solve(root, (self.grid.weights @ (courses * self.z).T)[:, :, None])[:, :, 0]
+        return np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0)
+
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
         n, grid = self.z.size, self.grid
