@@ -237,7 +237,28 @@ def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
     assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
 
 
-@pytest.mark.parametrize("seed", [4, 6, 11])
+@pytest.mark.parametrize("seconds", [2, 5, 40])
+def test_a_disturbance_of_some_seconds_is_a_jump_and_a_jump_back(seconds):
+    """Its ends are found to within samples, so that N is right, also if it is shorter than a block of the search."""
+    rng, length = np.random.default_rng(seconds), 100 * seconds
+    x = faults.WHITE * rng.normal(size=SAMPLES) + np.cumsum(faults.WALK * rng.normal(size=SAMPLES))
+    begins = (SAMPLES // 5 + 37, SAMPLES // 2 + 111)
+    for begin in begins:
+        x[begin : begin + length] += 2.0 * faults.WHITE
+    steps = [step for step in seen(x).steps if step.is_certain]
+    assert [step.index for step in steps] == pytest.approx([k for a in begins for k in (a, a + length)], abs=20)
+    assert [step.size for step in steps] == pytest.approx([2 * faults.WHITE, -2 * faults.WHITE] * 2, rel=0.2)
+
+
+def test_noise_has_no_disturbances():
+    rng, size = np.random.default_rng(8), 60_000
+    for k in range(12):
+        walk = np.cumsum(rng.normal(size=size)) * np.exp(rng.uniform(-8, -3))
+        noise = rng.standard_t(3, size=size) if k % 2 else rng.normal(size=size)
+        assert not any(step.is_certain for step in seen(1e-4 * (noise + walk)).steps), k
+
+
+@pytest.mark.parametrize("seed", [4, 6])
 def test_several_jumps_that_look_like_a_walk_are_possible(seed):
     x = faults.jumps(120_000, np.random.default_rng((5, seed)))
     remark = only(seen(x).remarks, "level-steps:possible", "gyro_x")
