@@ -173,7 +173,8 @@ class Likelihood:
         """Return the smallest −2 log L with the first of p transformed courses, with the first two, … together (p,)."""
         root = np.linalg.cholesky(_gram(self.grid.weights, courses))
         cross = np.linalg.solve(root, (self.grid.weights @ (courses * self.z).T)[:, :, None])[:, :, 0]
-        return np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0)
+        taken = np.cumsum(cross**2, axis=1)
+        return np.asarray(np.min(self._profile(self._flat[:, None] - taken).values, axis=0))
 
     def best_step(self, first: int) -> tuple[float, float, Vector]:
         """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
