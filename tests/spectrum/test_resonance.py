@@ -16,6 +16,7 @@ def _resonances(x):
     return [resonance_of(spectrum, peak, [other for other in peaks if other is not peak]) for peak in peaks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.5, 8.0, 30.0])
 @pytest.mark.parametrize("quality", [10.0, 400.0, 3000.0])
 def test_the_quality_of_an_oscillator_is_found_below_the_resolution_too(frequency, quality):
