@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import scipy.signal
 
 import gmwm
 from gmwm import Imu, Signal
+from gmwm.recording.batches import batches
 from gmwm.recording.repairs import repaired
-from gmwm.recording.repairs.averages import averaged
+from gmwm.recording.repairs.averages import averaged, steep_filters
 from tests.helpers import only
 from validation import faults
 
@@ -57,6 +59,24 @@ def test_means_of_filtered_noise_are_white(length, tmp_path):
     recording.write(tmp_path / "log.csv")
     (stream,) = repaired(gmwm.stream(tmp_path / "log.csv", chunk=7_000))
     assert np.allclose(np.concatenate([p.values["gyro_x"] for p in stream.samples()]), after["gyro_x"].values)
+
+
+@pytest.mark.parametrize("kind", ["averages", "window", "sharp"])
+def test_the_memory_of_a_filter_is_known_within_7_percent(kind):
+    taps = {
+        "averages": np.convolve(np.convolve(np.ones(32), np.ones(32)), np.ones(32)),
+        "window": np.hamming(121),
+        "sharp": scipy.signal.firwin(401, 0.01, fs=1, window=("kaiser", 8)),
+    }[kind]
+    covariance = np.convolve(taps, taps[::-1]) / taps.sum() ** 2
+    memory = float(np.abs(np.arange(covariance.size) - taps.size + 1) @ covariance)
+    shares = []
+    for seed in range(12):
+        noise = np.random.default_rng(seed).normal(size=120_000 + taps.size - 1)
+        (part,) = batches(_imu(scipy.signal.fftconvolve(noise, taps, "valid")))
+        shares.append(steep_filters(part)["gyro_x"].memory / memory)
+    assert np.mean(shares) == pytest.approx(1, abs=0.06)
+    assert np.std(shares) < 0.12
 
 
 def test_a_random_walk_and_one_pole_are_not_averaged():
