@@ -118,6 +118,7 @@ start()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("when", ["typer.main.get_command = strike", "atexit.register(strike)"])
 def test_a_signal_before_and_after_a_command_ends_the_process(number, when):

@@ -28,6 +28,7 @@ def test_the_quality_of_an_oscillator_is_found_below_the_resolution_too(frequenc
     assert abs(np.log(resonance.variance / 9.0)) < 0.05 + 4 / np.sqrt(np.pi * periods)
 
 
+@pytest.mark.slow
 def test_a_sinusoid_in_noise_has_no_width():
     times = np.arange(SAMPLES // 4) / RATE
     for seed in range(40):

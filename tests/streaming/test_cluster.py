@@ -303,6 +303,7 @@ def test_a_scheduler_without_workers_is_told():
     assert [warning.message.remark.code for warning in told] == ["no-workers"]
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_sends_to_all_while_a_client_registers(client, monkeypatch):
     """Dask's handshake fails where the answer comes in one message with another one: then it is repeated."""
     failures = [AssertionError(), AssertionError()]

@@ -41,6 +41,7 @@ def test_the_filter_of_white_noise_and_a_walk_has_their_numbers() -> None:
     assert sensor.truth(slope=0.1).filter_K > 0.32
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_filter_predicts_best() -> None:
     """The stated error is the error of a simulated filter, and other filters are worse."""
     rng = np.random.default_rng(5)
