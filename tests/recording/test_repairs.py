@@ -36,6 +36,7 @@ def _low_pass(x, share):
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.0, 1e-4, 7e-4, 3e-3])
 @pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
 def test_a_clean_recording_is_not_changed(step, share):
