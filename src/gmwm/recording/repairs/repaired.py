@@ -16,7 +16,7 @@ from gmwm.recording.chunks import Samples
 from gmwm.recording.repairs.averages import SteepFilter, averaged, steep_filters
 from gmwm.recording.repairs.plan import RepairPlan, plans_of
 from gmwm.recording.repairs.repeats import Indices
-from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu, samples_of, with_samples
 from gmwm.recording.time_ranges import cut_base
 
 
@@ -232,25 +232,10 @@ class RepairedStream:
 
 
 def _repaired_imu(imu: Imu, plan: RepairPlan) -> Imu:
-    first = imu.signals[plan.axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: imu.signals[axis].values for axis in plan.axes}
-    samples = Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
-    repair = Repair(plan, imu.rate)
-    (part,) = repair.apply([samples], 0)
-    ranges = list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=part.values[axis], rate=repair.rate, unit=imu.signals[axis].unit, axis=axis,
-            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
-            gaps_known=first.gaps_known or len(first.segments) == 1,
-        )
-        for axis in plan.axes
-    }  # fmt: skip
+    repair, first = Repair(plan, imu.rate), imu.signals[plan.axes[0]]
+    (part,) = repair.apply([samples_of(imu, plan.axes)], 0)
     base = repair.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
-    return replace(
-        imu, signals=signals, remarks=(*imu.remarks, *repair.remarks()), time_base=base, temperature=part.temperature
-    )
+    return with_samples(imu, part, base, repair.remarks(), first.gaps_known or len(first.segments) == 1)
 
 
 def _joined(before: Samples, after: Samples) -> Samples:
