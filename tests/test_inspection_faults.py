@@ -250,10 +250,26 @@ def test_a_second_warm_up_makes_k_a_bound():
     at = np.arange(size) / size
     x = faults.WHITE * np.random.default_rng(3).normal(size=size)
     x += 4e-4 * np.exp(-8 * at) + 4e-4 * np.where(at > 0.5, np.exp(-8 * (at - 0.5)), 0.0)
-    only(seen(x).remarks, "level-steps:possible", "gyro_x")
+    ((first, last),) = only(seen(x).remarks, "level-steps:settles", "gyro_x").facts["ranges"]
+    assert first == pytest.approx(size / 2 / faults.RATE, rel=0.02)
+    assert last > 0.7 * size / faults.RATE
     calibration = gmwm.calibrate(imu_of(x), "WN + RW")
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
+@pytest.mark.parametrize("shape", ["back", "lasting", "logarithm"])
+def test_a_creep_without_a_clear_jump_makes_k_a_bound(shape):
+    rng, size = np.random.default_rng(12), 72_000
+    x = 1e-4 * np.sqrt(20) * rng.normal(size=size) + np.cumsum(1e-5 / np.sqrt(20) * rng.normal(size=size))
+    since = np.maximum(np.arange(size) / 20 - 1500, 0.0)
+    course = {"back": (since > 0) * np.exp(-since / 40), "lasting": 1 - np.exp(-since / 60),
+              "logarithm": np.log1p(since / 10) / 4}[shape]  # fmt: skip
+    recording = Imu({"gyro_x": Signal(x + 1.2e-3 * course, 20.0, "rad/s", axis="gyro_x")})
+    calibration = gmwm.calibrate(recording, "WN + RW")
+    begin, end = only(calibration.remarks, "level-steps:settles", "gyro_x").facts["ranges"][0]
+    assert 1400 < begin < 1520 < end
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
 
 
 def test_a_settling_is_no_staircase_of_jumps():

@@ -14,8 +14,8 @@ from gmwm.base.remarks import Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, settling_times
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
-from gmwm.measuring.inspection.wander import Likelihood
+from gmwm.measuring.inspection.trends import EXTRA, FEWEST, TrendTest, best_swing, longest_means
+from gmwm.measuring.inspection.wander import Change, Likelihood, decay
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -57,17 +57,16 @@ def jumps_of(
 ) -> list[Step]:
     """Find the jumps of an axis, ordered by time, from segments of about 256 block means.
 
-    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
-    is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
-    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`. A jump
-    before an exponential, and a staircase that it describes as well, are a settling, which a jump cannot describe."""
+    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales. The clearest jump
+    is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes better are no jumps. Jumps
+    that fit the walk are noise; less clear ones that raise K are `possible`. What an exponential describes settles."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return []
     steps = []
     seams = np.array([first for first, _ in extent.unbroken])
-    for jump in _with_settling(y, sorted(_jumps_in(y))):
+    for jump in sorted(_jumps_in(y)):
         block = int(jump.place)
         first, last = int(samples[max(block - 2, 0)]), int(samples[min(block + 1, y.size - 1)]) + length
         if np.any((seams > first) & (seams < last)):
@@ -75,12 +74,12 @@ def jumps_of(
         part = values(first, last)
         before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
         place = first + corner(part, before, after)
-        reach = jump_reach(part, jump.size)
+        at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, jump.size))
         time = float(extent.times([place])[0])
         steps.append(
             Step(
                 time=time, axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
-                at_gap=extent.has_short_gap(place, reach), index=int(place), possible=jump.possible,
+                at_gap=at_gap, index=int(place), possible=jump.possible,
                 until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
             )
         )  # fmt: skip
@@ -88,8 +87,7 @@ def jumps_of(
 
 
 def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
-    """Return jumps, those within a settling of another axis as a part of it: it has one cause, such as a power cycle.
-    `reach` (s) is the error of the place of a jump."""
+    """Return jumps, within a settling of another axis as a part of it. `reach` (s) is the error of their places."""
     settlings = [(step.time - reach, step.until) for step in steps if step.until is not None]
     return [
         step if step.possible else replace(
@@ -114,7 +112,7 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    clearest = Likelihood(means).best_step(_FIRST)
+    clearest = Likelihood(means).best_change(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
     groups = [] if jumps else _together(means)
     for limits in (_CLEAR, _POSSIBLE):
@@ -126,34 +124,49 @@ def _jumps_in(means: Vector) -> list[_Jump]:
         margin = limits.gain if limits is _POSSIBLE else 0.0
         if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
             jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
-    if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
-        jumps = _warm_up_at(means, clearest, jumps) or jumps
-    return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
+    jumps = _with_settling(means, sorted(jumps))
+    # Several possible jumps can look like a settling.
+    if any(jump.possible or jump.until is not None for jump in jumps):
+        return jumps
+    if not jumps and clearest[0] >= _POSSIBLE.gain:
+        jumps = _one_by_one(means, clearest, limits=_POSSIBLE)
+    return _settlings_in(means, jumps, clearest[0]) or jumps
 
 
-def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Sequence[_Jump]) -> list[_Jump]:
-    """Return the clearest jump as a possible one if a warm-up at its place, as after a power cycle, raises K and
-    describes the means better than jumps (tests/test_inspection_faults.py)."""
-    likelihood, at = Likelihood(means), np.arange(means.size) + 0.5
-    gain, place, weights = clearest
-    step, base = _courses([place], means.size), float(np.min(likelihood.without().values))
-    if len(jumps) > 1:
+def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> list[_Jump]:
+    """Return the settlings, such as a creep or a second warm-up, as possible jumps if they raise K and describe the
+    means better than jumps or a sinusoid, beside a trend. They begin with a jump of gain `clearest` or without one."""
+    likelihood, edges = Likelihood(means), np.arange(means.size + 1, dtype=np.float64)
+    gain = likelihood.best_change(_FIRST, settles=True)[0]
+    if gain < _CLEAR.gain + EXTRA:
+        return []
+    rival, trend = best_swing(likelihood).gain, TrendTest(means)
+    if jumps:
         courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
-        gain = max(gain, base - likelihood.with_all(courses) - _CLEAR.together * (len(jumps) - 1))
-    # The place of a jump is not quite that of a warm-up.
-    times = np.tile(np.geomspace(2.0, means.size / 2, 12), 5)
-    since = at - place - np.repeat(np.arange(-1, 1.1, 0.5), 12)[:, None]
-    decays = np.where(since > 0, np.exp(-np.maximum(since, 0.0) / times[:, None]), 0.0)
-    values = np.min(likelihood.with_one(likelihood.transform(decays)).values, axis=0)
-    best = int(np.argmin(values))
+        together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
+        rival = max(rival, together - _CLEAR.together * (len(jumps) - 1))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
-    rival = gain + 6.6 if jumps else max(gain, TrendTest(means).statistic + 6.6, best_swing(likelihood).gain + 6.6)
-    if base - values[best] < max(rival, _CLEAR.gain + 6.6):
+    if gain < rival + 6.6:
         return []
-    # The largest ratio of K of 18 axes at rest is 1.08.
-    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.1:
-        return []
-    return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
+    if trend.kind is not None and gain < trend.statistic + 6.6:
+        means = means - trend.course()
+    found, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
+    while len(found) < MOST:
+        gain, place, tau, weights = Likelihood(y).best_change(_FIRST, settles=True)
+        if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in found):
+            break
+        # Other shapes, such as a logarithm, are close to two exponentials.
+        decays = [decay(edges - place, tau * k) for k in (1, 4)]
+        courses = np.vstack([courses, _courses([place], means.size), *decays])
+        sizes = _sizes(likelihood, courses, np.sqrt(weights))
+        until = None if gain < clearest else min(place + 4 * tau, float(means.size))
+        found.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
+        y = means - sizes @ courses
+    _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
+    independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
+    left, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
+    # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
+    return found if left < 0.9**2 * with_courses else []
 
 
 def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
@@ -170,8 +183,7 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
         for first, last in ((a, b) for a in chain for b in {a, chain[-1]}):
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
-                decay = np.diff(-tau * np.exp(-np.maximum(edges - place, 0.0) / tau))
-                courses = np.vstack([_courses([*others, place], means.size), decay])
+                courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
                 value = likelihood.with_all(likelihood.transform(courses))
                 # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
                 fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
@@ -184,7 +196,7 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
 
 
 def _one_by_one(
-    means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0, *,
+    means: Vector, clearest: Change, places: Sequence[float] = (), gain_of_each: float = 0.0, *,
     limits: _JumpLimits = _CLEAR,
 ) -> list[_Jump]:  # fmt: skip
     """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
@@ -196,7 +208,7 @@ def _one_by_one(
         y = np.asarray(means - sizes @ courses)
     while len(places) < MOST:
         likelihood = Likelihood(y)
-        gain, place, weights = likelihood.best_step(_FIRST) if places else clearest
+        gain, place, _, weights = likelihood.best_change(_FIRST) if places else clearest
         if (
             gain < (limits.more if places else limits.gain)
             or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain
@@ -218,11 +230,10 @@ def _one_by_one(
 
 
 def _together(means: Vector) -> list[tuple[list[float], float]]:
-    """Return the places of one, two, … jumps that look like a random walk one by one, and the reduction of −2 log L by
-    all of them. They are searched as if the noise was white, and compared with all noise models."""
+    """Return the places of one, two, … jumps, searched as if the noise was white, and what they reduce −2 log L by."""
     likelihood = Likelihood(means)
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
-    places, groups, y = list[float](), list[tuple[list[float], float]](), means
+    places, y = list[float](), means
     while len(places) < MOST - 1:
         values = Likelihood(y).with_steps(np.array([0]), _FIRST, means.size - _FIRST)[0]
         place = float(_FIRST + np.argmin(values[: means.size - 2 * _FIRST + 1]))
@@ -230,15 +241,14 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
             break
         places.append(place)
         courses = _courses(places, means.size)
-        groups.append((list(places), without - likelihood.with_all(likelihood.transform(courses))))
         y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
-    return groups
+    gains = without - likelihood.with_first(likelihood.transform(_courses(places, means.size)))
+    return [(places[: k + 1], float(gain)) for k, gain in enumerate(gains)]
 
 
 def _courses(places: Sequence[float], size: int) -> Matrix:
     """Return a jump of 1 at each place, as block means (C, n)."""
-    at = np.arange(size)
-    return np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
+    return np.asarray(np.clip(np.arange(1.0, size + 1) - np.array(places)[:, None], 0.0, 1.0))
 
 
 def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
@@ -264,6 +274,5 @@ def _raising(means: Vector, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
     courses = likelihood.transform(courses)
-    with_jumps, _ = likelihood.walk(courses[:0], alone=True)
-    _, limit = likelihood.walk(courses, alone=True)
+    (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

@@ -87,7 +87,9 @@ class Repair:
         """Yield the samples that are kept of those with the numbers first … stop − 1."""
         plan = self.plan
         begins = [sample for sample, _ in window.runs if sample >= window.first]
-        masks = plan.left_out(window.values, np.unique([0, *(sample - window.first for sample in begins)]))
+        masks = plan.left_out(
+            window.values, np.unique([0, *(sample - window.first for sample in begins)]), window.first
+        )
         a, b = first - window.first, stop - window.first
         self._all += b - a
         left_out = np.zeros(b - a, dtype=np.bool_)
@@ -164,12 +166,12 @@ class Repair:
             cases["held"] = plan.axes, facts
         elif plan.repeats is not None and plan.repeats.kind == "twice":
             cases["twice"] = ("",), {"count": counts["repeated"]}
-        elif plan.repeats is not None:
+        elif plan.repeats is not None and plan.repeats.kind == "lost":
             cases["repeated"] = plan.axes, self._count_and_share("repeated")
         if counts["frozen"]:
             time, longest = Quantity(counts["frozen"] / old, "s"), Quantity((self._frozen[0] + 1) / old, "s")
             cases["frozen"] = (
-                plan.frozen,
+                plan.frozen or plan.axes,
                 {"time": time, "longest": longest, "share": 100 * counts["frozen"] / self._all},
             )
         if counts["interpolated"]:
