@@ -490,12 +490,18 @@ class Imu(Plotted, Tabular):
         (((0, 30), (30, 70)), (2.0, 6.0))
         """
         first = self[self.axes[0]]
-        base = self.time_base or TimeBase(self.rate, start=first.start)
-        parts = cut(samples_of(self, self.axes), base, kept_ranges(start, stop, skip))
+        runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+        values = {axis: signal.values for axis, signal in self.signals.items()}
+        samples = Samples(values, self.rate, first=0, segment=0, runs=runs, temperature=self.temperature)
+        parts = cut(samples, self.time_base or TimeBase(self.rate, start=first.start), kept_ranges(start, stop, skip))
         if parts is None:
             return self
         part, base, remark = parts
-        return with_samples(self, part, base, (remark,), first.gaps_known)
+        begins, ends, starts = zip(*part.ranges(), strict=True)
+        clock = {"start": starts[0], "segments": tuple(zip(begins, ends, strict=True)), "starts": starts}
+        signals = {axis: replace(self[axis], values=part.values[axis], filled=0, **clock) for axis in self.axes}
+        remarks = (*self.remarks, remark)
+        return replace(self, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet, .mcap or .imu.
@@ -590,25 +596,3 @@ def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
             advice="Pass its transpose." if transposed else "",
         )  # fmt: skip
     return {axis: table[:, k] for k, axis in enumerate(axes)}
-
-
-def samples_of(imu: Imu, axes: Sequence[str]) -> Samples:
-    """Return axes of a recording as one portion of samples."""
-    first = imu.signals[axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: imu.signals[axis].values for axis in axes}
-    return Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
-
-
-def with_samples(imu: Imu, part: Samples, base: TimeBase, remarks: Sequence[Remark], gaps_known: bool) -> Imu:
-    """Return a recording with other samples, and with more remarks."""
-    begins, ends, starts = zip(*part.ranges(), strict=True)
-    segments = tuple(zip(begins, ends, strict=True))
-
-    def signal(axis: str) -> Signal:
-        unit, values = imu.signals[axis].unit, part.values[axis]
-        return Signal(values, part.rate, unit, axis, segments=segments, starts=starts, gaps_known=gaps_known)
-
-    signals = {axis: signal(axis) for axis in part.values}
-    remarks = (*imu.remarks, *remarks)
-    return replace(imu, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
