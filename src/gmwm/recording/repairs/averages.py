@@ -25,13 +25,11 @@ _FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # frequencies, relative to the rate, 
 _EMPTY = 1e-4
 """Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
-_PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
+_PASSES, _BAND = 0.5, 0.1
+"""Densities, relative to the slow one, down to which the noise passes the filter, and down to which it is fitted."""
 _OF_RATE = 3.0
 """Twice this frequency over the rate after averaging. The memory is far below a mean's length, so its error (7 % after
 20 minutes) is small beside that of N; with 2, 95 % intervals of N cover in 88 % (validation/faults.py, cic)."""
-_BAND, _FALLS_AS = 0.1, (2, 3, 4, 6, 8, 12, 16)
-"""Density, relative to the slow one, down to which a filter's band is fitted, and powers p of ln S = a − (f/b)^p: 2 for
-averages and windows, 8 and more for sharp edges (tests/recording/test_averages.py)."""
 _SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
 """Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
 between, because a random walk has 36; and number of samples that are averaged to look there."""
@@ -206,7 +204,8 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     end = 8 * int(passing[-1] + beyond[0]) if beyond.size else density.size
     band = slice(max(round(passes * _LENGTH / 8), 3), end)
     logs = np.log(density[band])
-    fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in _FALLS_AS]
+    # ln S = a − (f/b)^p has p = 2 for averages and windows, and 8 and more for sharp edges.
+    fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in (2, 3, 4, 6, 8, 12, 16)]
     (line, *_), power = min(fits, key=lambda fit: float(fit[0][1][0]))
     fitted = np.exp(np.polyval(line, frequency**power))
     fitted *= np.mean(density[band] / fitted[band])  # the mean of a logarithm is below that of the density
