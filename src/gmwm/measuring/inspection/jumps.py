@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -37,6 +38,9 @@ _CLEAR = _JumpLimits(21.0, 21.0, 1.35, 16.0)
 200 recordings; seven accelerometer axes at rest have ratios of 0.8 to 1.25 (validation/study_faults.py)."""
 _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2, 13.0)
 """Limits of jumps that may be part of a random walk, so that K is a bound (tests/test_inspection_faults.py)."""
+_SHORT_BOXES = _CLEAR._replace(matters=0.0)
+"""Limits of short boxes, such as a disturbance of a few seconds, which raise N more than K."""
+_SHORT = 4  # longest box (blocks) whose ends are placed together
 _FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
 MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
@@ -66,24 +70,56 @@ def jumps_of(
         return []
     steps = []
     seams = np.array([first for first, _ in extent.unbroken])
-    for jump in sorted(_jumps_in(y)):
-        block = int(jump.place)
-        first, last = int(samples[max(block - 2, 0)]), int(samples[min(block + 1, y.size - 1)]) + length
+    jumps = sorted(_jumps_in(y))
+    # A short box has no level between its ends: both are placed together.
+    boxes = [
+        [a, b] for a, b in pairwise(jumps) if b.place - a.place <= _SHORT and abs(a.size + b.size) < abs(a.size) / 2
+    ]
+    in_boxes = [jump for box in boxes for jump in box]
+    for group in [*boxes, *([jump] for jump in jumps if jump not in in_boxes)]:
+        begin, end = int(group[0].place), int(group[-1].place)
+        first, last = int(samples[max(begin - 2, 0)]), int(samples[min(end + 1, y.size - 1)]) + length
         if np.any((seams > first) & (seams < last)):
             continue  # coefficients do not extend across a long gap
-        part = values(first, last)
-        before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
-        place = first + corner(part, before, after)
-        at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, jump.size))
-        time = float(extent.times([place])[0])
-        steps.append(
-            Step(
-                time=time, axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
-                at_gap=at_gap, index=int(place), possible=jump.possible,
-                until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
-            )
-        )  # fmt: skip
-    return steps
+        part, sizes = values(first, last), [jump.size for jump in group]
+        if len(group) == 2:
+            *places, size = _box(part)
+            sizes = [size, -size]
+        else:
+            before, after = float(np.mean(y[max(begin - 3, 0) : begin])), float(np.mean(y[begin + 1 : begin + 4]))
+            places = [corner(part, before, after)]
+        for jump, index, size in zip(group, places, sizes, strict=True):
+            place = first + index
+            at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, size))
+            time = float(extent.times([place])[0])
+            steps.append(
+                Step(
+                    time=time, axis=axis, size=size, times=float(np.sqrt(jump.gain)),
+                    at_gap=at_gap, index=place, possible=jump.possible,
+                    until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
+                )
+            )  # fmt: skip
+    return sorted(steps, key=lambda step: step.index)
+
+
+def _box(values: Vector) -> tuple[int, int, float]:
+    """Return the first sample in the box that describes values best, the first one after it, and its size."""
+    size, sums = values.size, np.concatenate([[0.0], np.cumsum(values - np.mean(values))])
+    step = max(size // 256, 1)
+    begins = ends = np.arange(0, size + 1, step)
+    for _ in range(2):
+        width = ends - begins[:, None]
+        # The reduction of the sum of squares by a box of this width.
+        usable = (width > 0) & (width < size)
+        gains = np.where(
+            usable, (sums[ends] - sums[begins][:, None]) ** 2 / np.where(usable, width * (size - width), 1), 0.0
+        )
+        begin, end = (
+            int(places[k])
+            for places, k in zip((begins, ends), np.unravel_index(np.argmax(gains), gains.shape), strict=True)
+        )
+        begins, ends = (np.arange(max(place - step, 0), min(place + step, size) + 1) for place in (begin, end))
+    return begin, end, float((sums[end] - sums[begin]) * size / ((end - begin) * (size - end + begin)))
 
 
 def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
@@ -112,12 +148,22 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
     clearest = Likelihood(means).best_change(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
-    groups = [] if jumps else _together(means)
+    boxes = _boxes_in(means)
+    if jumps and boxes:
+        likelihood, places = Likelihood(means), [jump.place for jump in jumps]
+        value = likelihood.with_all(likelihood.transform(_courses(places, means.size)))
+        gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
+        jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
+    groups = [] if jumps else [*_together(means), *boxes]
     for limits in (_CLEAR, _POSSIBLE):
         excesses = [gain - limits.gain - limits.together * (len(places) - 1) for places, gain in groups]
         if jumps or max(excesses, default=0.0) <= 0:
             continue
-        gain, places = max(excesses), groups[int(np.argmax(excesses))][0]
+        best = int(np.argmax(excesses))
+        gain, places = max(excesses), groups[best][0]
+        is_box = best >= len(groups) - len(boxes)
+        if limits is _CLEAR and is_box and all(b - a <= _SHORT for a, b in zip(places[::2], places[1::2], strict=True)):
+            limits = _SHORT_BOXES
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
         if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
@@ -242,6 +288,24 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
         y = np.asarray(means - _sizes(likelihood, courses, root) @ courses)
     gains = without - likelihood.with_first(likelihood.transform(_courses(places, means.size)))
     return [(places[: k + 1], float(gain)) for k, gain in enumerate(gains)]
+
+
+def _boxes_in(means: Vector) -> list[tuple[list[float], float]]:
+    """Return the places of the ends of one, two, … boxes, and the reduction of −2 log L by all of them."""
+    likelihood, places, y = Likelihood(means), list[float](), means
+    while len(places) < MOST - 1:
+        gain, ends, weights = Likelihood(y).best_box(_FIRST)
+        if gain < _POSSIBLE.gain + _POSSIBLE.together or any(abs(a - b) < 1 for a in places for b in ends):
+            break
+        places += ends
+        courses = _courses(places, means.size)
+        y = means - _sizes(likelihood, courses, np.sqrt(weights)) @ courses
+    if not places:
+        return []
+    gains = float(np.min(likelihood.without().values)) - likelihood.with_first(
+        likelihood.transform(_courses(places, means.size))
+    )
+    return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
 
 
 def _courses(places: Sequence[float], size: int) -> Matrix:

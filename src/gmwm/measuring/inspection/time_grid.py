@@ -16,8 +16,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
-_WINDOWS = 64
-"""Number of windows whose means and standard deviations are compared (tests/test_inspection_limits.py)."""
+_WINDOWS = 64  # number of windows whose means and standard deviations are compared (tests/test_inspection_limits.py)
 
 Range = tuple[int, int]
 

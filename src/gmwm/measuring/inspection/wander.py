@@ -87,6 +87,34 @@ def decay(edges: Matrix, tau: float) -> Matrix:
     return np.asarray(np.diff(-tau * np.exp(-np.maximum(edges, 0.0) / tau)))
 
 
+class _Boxes(NamedTuple):
+    """Boxes between two places (blocks): places (P, 2), transformed courses (P, n − 1), and Σ c²/λ (P, W) in models of
+    white noise and a random walk."""
+
+    places: Matrix
+    courses: Matrix
+    squares: Matrix
+
+
+@lru_cache(maxsize=1)
+def _boxes(blocks: int, first: int) -> _Boxes:
+    """Return the boxes of up to an eighth of the blocks, which all axes share."""
+    places, length = list[tuple[float, float]](), 1.0
+    while length <= blocks / 8:
+        begins = np.arange(first, blocks - first - length, max(0.5, length / 8))
+        places += [(begin, begin + length) for begin in begins]
+        length *= 1.5 if length < 2 else 2**0.5
+    grid, corners = grid_of(blocks), np.array(places)
+    courses = _box_courses(corners, grid)
+    return _Boxes(corners, courses, courses**2 @ grid.weights[: _WALKS.size].T)
+
+
+def _box_courses(places: Matrix, grid: NoiseGrid) -> Matrix:
+    """Return the transformed boxes between pairs of places (P, 2)."""
+    ramps = np.clip(np.arange(1, len(grid.transform) + 2) - places[:, :, None], 0.0, 1.0)
+    return np.asarray(np.diff(ramps[:, 0] - ramps[:, 1], axis=1) @ grid.transform)
+
+
 class CoursePairs(NamedTuple):
     """Pairs of transformed courses c and s (P, n − 1), and Σ c²/λ, Σ c s/λ and Σ s²/λ (G, P) of each."""
 
@@ -200,6 +228,25 @@ class Likelihood:
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         gain = float(np.min(self.without().values) - values[model, shape])
         return gain, float(places[best[shape]]), float(times[shapes][shape]), self.grid.weights[model]
+
+    def best_box(self, first: int) -> tuple[float, tuple[float, float], Vector]:
+        """Return the reduction of −2 log L by the best box, its places (blocks), and the weights of the noise model,
+        beside white noise and a random walk."""
+        boxes, models = _boxes(self.z.size + 1, first), slice(_WALKS.size)
+        taken = (boxes.courses @ (self.grid.weights[models] * self.z).T) ** 2 / boxes.squares
+        best = np.argmax(taken, axis=0)
+        values = self.with_one(boxes.courses[best]).values
+        model, shape = np.unravel_index(np.argmin(values), values.shape)
+        places, weights = boxes.places[best[shape]], self.grid.weights[model]
+        for k in (0, 1, 0, 1):
+            # The grid of places is as wide as an eighth of the length, and lengths are 41 % apart.
+            near = np.repeat(places[None, :], 41, axis=0)
+            near[:, k] += np.linspace(-0.25, 0.25, 41) * (places[1] - places[0])
+            near = near[(near[:, 0] >= first) & (near[:, 1] <= self.z.size + 1 - first)]
+            courses = _box_courses(near, self.grid)
+            places = near[np.argmax((courses @ (weights * self.z)) ** 2 / (courses**2 @ weights))]
+        begin, end = places.tolist()
+        return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
 
     def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""
