@@ -101,8 +101,8 @@ def of_positions(parts: Sequence[tuple[float, float]]) -> Iterator[Remark]:
 def of_steps(steps: tuple[Step, ...], known: Sequence[Remark]) -> Iterator[Remark]:
     """Yield remarks on lasting jumps of the mean and on settling, at most three for each axis. Jumps within a settling
     that is `known`, because its jumps were subtracted, are a part of it."""
-    settled: Any = next((r.facts["ranges"] for r in known if r.code == "level-steps" and "ranges" in r.facts), ())
-    new = [step for step in steps if not any(begin <= step.time <= end for begin, end in settled)]
+    settled: Any = {r.subject: r.facts["ranges"] for r in known if r.code == "level-steps" and "ranges" in r.facts}
+    new = [step for step in steps if not any(a <= step.time <= b for a, b in settled.get(step.axis, ()))]
     for axis in dict.fromkeys(step.axis for step in steps):
         if any(step.axis == axis and step.until is not None for step in new):
             yield Remark.of("level-steps", axis, case="settles", **settling_times(new))

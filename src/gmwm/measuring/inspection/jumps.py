@@ -126,11 +126,9 @@ def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
     """Return jumps, within a settling of another axis as a part of it. `reach` (s) is the error of their places."""
     settlings = [(step.time - reach, step.until) for step in steps if step.until is not None]
     return [
-        step if step.possible else replace(
-            step, until=max((end for begin, end in settlings if begin <= step.time <= end), default=None)
-        )
+        replace(step, until=max((end for begin, end in settlings if begin <= step.time <= end), default=None))
         for step in steps
-    ]  # fmt: skip
+    ]
 
 
 def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
