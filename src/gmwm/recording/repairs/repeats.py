@@ -85,7 +85,7 @@ class RepeatLimits:
     """Largest probability that random repeats look regular, for a short log with a regular pattern."""
     reach: int = 1000  # samples on each side of one from which the probability of its value is estimated
     smoothest: float = 1.3  # largest roughness whose equal neighbours are examined; a walk has 1.41, smooth noise 2
-    clear: float = 4.5  # smallest excess of equal neighbours that is a finding, in standard errors
+    clear: float = 4.0  # smallest excess of equal neighbours that is a finding, in standard errors
     false_share: float = 0.1  # largest expected share of chance among the runs of equal samples that are left out
     written_twice: float = 0.1
     """Relative difference of repeated stamps and samples of rows written twice (tests/test_inspection.py)."""
