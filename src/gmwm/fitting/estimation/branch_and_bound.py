@@ -98,7 +98,8 @@ class Search:
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
         """Search the tabulated curve; return objectives and places of local optima, best first, bounds and nodes."""
-        curve = table(self.grid, self.problem.root)
+        tables, key = self.problem.weights.tables, (table, self.grid)
+        curve = tables[key] = tables.get(key) or table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
             len(self.problem.curved), LIMITS.certified_gap,

@@ -66,26 +66,16 @@ class ExponentialSearch(Search):
 
     def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
-        most = LIMITS.certify_nodes if certify else LIMITS.quick_nodes
-        values, bound, relaxed, table, nodes = self.kernel.solve(
-            self._weighted(), len(self.problem.curved), most, self._starts()
-        )
-        return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
-
-    def tabulated(self) -> list[Place]:
-        """Return the places of the best optimum on the tabulated curve."""
-        count, starts = len(self.problem.curved), self._starts()
-        return self.places_of(self.kernel.tabulated(self._weighted(), count, LIMITS.quick_nodes, starts))
-
-    def _weighted(self) -> _core.WeightedTable:
-        """Return the table under the weights of the problem, which other problems share."""
-        grid, weights = self.grid, self.problem.weights
+        grid, weights, most = self.grid, self.problem.weights, LIMITS.certify_nodes if certify else LIMITS.quick_nodes
         if grid not in weights.tables:
             weights.tables[grid] = _core.WeightedTable(
                 weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
                 grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS
             )  # fmt: skip
-        return weights.tables[grid]
+        values, bound, relaxed, table, nodes = self.kernel.solve(
+            weights.tables[grid], len(self.problem.curved), most, self._starts()
+        )
+        return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 
     def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""

@@ -17,7 +17,6 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.atoms import shapes
 from gmwm.fitting.estimation.branch_and_bound import Search
-from gmwm.fitting.estimation.exponential_search import search_of
 from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
@@ -148,7 +147,7 @@ class Surface:
         rows = rows @ self.problem.root.T
         if not np.all(np.isfinite(rows)):
             return None
-        lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+        lengths = np.linalg.norm(rows, axis=1)
         # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
@@ -173,10 +172,11 @@ class Surface:
     def curved_alone(self, z: list[Vector]) -> Search:
         """Return the search for the curved processes with the free ones fixed, without those of zero variance."""
         problem, curves = self.problem, self.free_shapes(z)
+        assert problem.curved_class is not None
         seen = np.any(curves > 0, axis=1)
         held = tuple(place for place, able in zip(problem.free, seen, strict=True) if able)
         rows = np.concatenate([problem.shapes, curves[seen]])
-        return search_of(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows))
+        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
     def _curved_shapes(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
         curved_class, problem = self.problem.curved_class, self.problem

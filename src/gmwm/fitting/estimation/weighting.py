@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.remarks import Remark
@@ -129,8 +128,8 @@ class Weights:
     """Weighting matrix Ω (J, J), and what depends on it only."""
 
     matrix: Matrix
-    tables: dict[object, _core.WeightedTable] = field(default_factory=dict)
-    """Tables under these weights, which the kernel of the search keeps; by `gmwm.estimation.atoms.ShapeGrid`."""
+    tables: dict[object, Any] = field(default_factory=dict)
+    """Tables under these weights, which searches keep; by `gmwm.estimation.atoms.ShapeGrid`."""
 
     @cached_property
     def root(self) -> Matrix:
