@@ -92,12 +92,9 @@ def simulate(
         )
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(argument="components", expected="another file than --output", got=str(components))
-    if source is not None:
-        noise = _given_at(source, rate)
-        rate = noise.rate
-    truth = models_by_axis(
-        noise.models if source is not None else reference_imu() if reference else parse_models(model or [])
-    )
+    noise = _given_at(source, rate) if source is not None else None
+    rate = noise.rate if noise is not None else rate
+    truth = models_by_axis(noise.models if noise else reference_imu() if reference else parse_models(model or []))
     imu, columns = _write(
         truth, 100.0 if rate is None else rate, seconds=seconds, seed=seed, output=output, components=components
     )
