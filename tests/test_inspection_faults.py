@@ -237,7 +237,28 @@ def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
     assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
 
 
-@pytest.mark.parametrize("seed", [4, 6, 11])
+@pytest.mark.parametrize("seconds", [2, 5, 40])
+def test_a_disturbance_of_some_seconds_is_a_jump_and_a_jump_back(seconds):
+    """Its ends are found to within samples, so that N is right, also if it is shorter than a block of the search."""
+    rng, length = np.random.default_rng(seconds), 100 * seconds
+    x = faults.WHITE * rng.normal(size=SAMPLES) + np.cumsum(faults.WALK * rng.normal(size=SAMPLES))
+    begins = (SAMPLES // 5 + 37, SAMPLES // 2 + 111)
+    for begin in begins:
+        x[begin : begin + length] += 2.0 * faults.WHITE
+    steps = [step for step in seen(x).steps if step.is_certain]
+    assert [step.index for step in steps] == pytest.approx([k for a in begins for k in (a, a + length)], abs=20)
+    assert [step.size for step in steps] == pytest.approx([2 * faults.WHITE, -2 * faults.WHITE] * 2, rel=0.2)
+
+
+def test_noise_has_no_disturbances():
+    rng, size = np.random.default_rng(8), 60_000
+    for k in range(12):
+        walk = np.cumsum(rng.normal(size=size)) * np.exp(rng.uniform(-8, -3))
+        noise = rng.standard_t(3, size=size) if k % 2 else rng.normal(size=size)
+        assert not any(step.is_certain for step in seen(1e-4 * (noise + walk)).steps), k
+
+
+@pytest.mark.parametrize("seed", [4, 6])
 def test_several_jumps_that_look_like_a_walk_are_possible(seed):
     x = faults.jumps(120_000, np.random.default_rng((5, seed)))
     remark = only(seen(x).remarks, "level-steps:possible", "gyro_x")
@@ -250,10 +271,26 @@ def test_a_second_warm_up_makes_k_a_bound():
     at = np.arange(size) / size
     x = faults.WHITE * np.random.default_rng(3).normal(size=size)
     x += 4e-4 * np.exp(-8 * at) + 4e-4 * np.where(at > 0.5, np.exp(-8 * (at - 0.5)), 0.0)
-    only(seen(x).remarks, "level-steps:possible", "gyro_x")
+    ((first, last),) = only(seen(x).remarks, "level-steps:settles", "gyro_x").facts["ranges"]
+    assert first == pytest.approx(size / 2 / faults.RATE, rel=0.02)
+    assert last > 0.7 * size / faults.RATE
     calibration = gmwm.calibrate(imu_of(x), "WN + RW")
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
+@pytest.mark.parametrize("shape", ["back", "lasting", "logarithm"])
+def test_a_creep_without_a_clear_jump_makes_k_a_bound(shape):
+    rng, size = np.random.default_rng(12), 72_000
+    x = 1e-4 * np.sqrt(20) * rng.normal(size=size) + np.cumsum(1e-5 / np.sqrt(20) * rng.normal(size=size))
+    since = np.maximum(np.arange(size) / 20 - 1500, 0.0)
+    course = {"back": (since > 0) * np.exp(-since / 40), "lasting": 1 - np.exp(-since / 60),
+              "logarithm": np.log1p(since / 10) / 4}[shape]  # fmt: skip
+    recording = Imu({"gyro_x": Signal(x + 1.2e-3 * course, 20.0, "rad/s", axis="gyro_x")})
+    calibration = gmwm.calibrate(recording, "WN + RW")
+    begin, end = only(calibration.remarks, "level-steps:settles", "gyro_x").facts["ranges"][0]
+    assert 1400 < begin < 1520 < end
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
 
 
 def test_a_settling_is_no_staircase_of_jumps():

@@ -26,10 +26,13 @@ def calibrated(course, within, step=0.0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("within", "codes"), [("WN + RW", ["linear-trend"]), ("WN + DR", [])])
-def test_a_line_is_reported_unless_the_model_has_a_drift(within, codes):
-    found = calibrated(1e-3 * AT / AT[-1], within)
-    assert [r.code for r in found.remarks if r.code.endswith("trend")] == codes
+@pytest.mark.parametrize("within", ["WN + RW", "WN + RW + DR", "WN + DR"])
+def test_a_line_makes_k_a_limit_whether_the_model_has_a_drift_or_not(within):
+    """A filter has no drift, so that its K contains the line of a model with a drift too."""
+    walk = np.cumsum(np.random.default_rng(5).normal(size=SAMPLES)) * 2e-6
+    found = calibrated(walk + 2e-2 * AT / AT[-1], within)
+    assert only(found.remarks, "linear-trend").facts["numbers"] == ("K",)
+    assert found.number_verdicts["gyro_x"]["K"].usability is not Usability.USE
 
 
 @pytest.mark.slow

@@ -1,11 +1,23 @@
 """Every error of a user is one line on stderr with exit code 2, and names the option to change."""
 
+import inspect
+import os
 import shlex
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
+from pathlib import Path
 
 import pytest
+import typer
+from typer.main import get_command
 
+from gmwm.base.atomic_files import written_together
+from gmwm.base.errors import OptionError
+from gmwm.base.template import Dialect
+from gmwm.cli import main
+from gmwm.cli.command import _named_by, _shell_name
 from tests.helpers import each
 
 CASES = {
@@ -189,3 +201,64 @@ def test_too_small_an_address_space_is_one_line(recording):
     assert run.returncode == 2
     assert run.stderr.startswith("error: the address space is limited to 0.38 GiB")
     assert run.stderr.count("\n") == 1
+
+
+def test_every_command_names_its_options_and_arguments_in_errors():
+    group = get_command(main.app)
+    context = typer.Context(group)
+    for name in main.NAMES:
+        command = group.get_command(context, name)
+        shown = {
+            parameter.name: (*parameter.opts, parameter.metavar or parameter.name.upper())
+            for parameter in command.params
+        }
+        run = getattr(import_module(f"gmwm.cli.{name}"), name)
+        options = {p.name: _shell_name(p) for p in inspect.signature(run).parameters.values()}
+        for parameter, option in options.items():
+            assert any(option == text.strip("[].") for text in shown[parameter]), (name, parameter)
+            with pytest.raises(OptionError) as caught, _named_by(options, {parameter: [Path("a/x.gif")]}):
+                raise OptionError(argument="no_option_of_any_command", expected="a file", got="x.gif")
+            assert caught.value.text(Dialect.SHELL) == f"{option} must be a file; got 'x.gif'"
+        with pytest.raises(OptionError) as caught, _named_by(options, {}):
+            raise OptionError(argument="no_option_of_any_command", expected="a file")
+        assert caught.value.text(Dialect.SHELL) == "no_option_of_any_command must be a file"
+
+
+@each(
+    "arguments, option",
+    [
+        (("simulate", "--reference", "--duration", "10s", "-o", "o.txt"), "--output"),
+        (
+            ("simulate", "--reference", "--duration", "1s", "-o", "{folder}/o.csv", "--components", "o.txt"),
+            "--components",
+        ),
+        (("convert", "{file}", "o.xyz"), "OUT"),
+        (("wv", "{file}", "--axis", "gyro_x", "--plot", "o.gif"), "--plot"),
+        (("fleet", "nosuch", "--output", "o"), "DIR"),
+        (("fleet", "{folder}", "--output", "{folder}"), "--output"),
+        (("app", "nosuch.csv"), "FILE"),
+    ],
+)
+def test_an_error_about_a_path_names_the_argument_that_has_it(gmwm, recording, tmp_path, arguments, option):
+    done = gmwm(*(text.format(file=recording, folder=tmp_path) for text in arguments))
+    assert done.code == 2
+    assert done.err.startswith(f"error: {option} must be "), done.err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+def test_a_pipe_as_output_stays_and_gets_the_content(gmwm, recording, tmp_path):
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        content = pool.submit(pipe.read_bytes)
+        assert gmwm("wv", recording, "--axis", "gyro_x", "--csv", pipe).code == 0
+        assert content.result().startswith(b"axis,unit,level")
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
+    other = tmp_path / "other.txt"
+    with ThreadPoolExecutor() as pool, written_together(tmp_path) as folder:
+        content = pool.submit(pipe.read_bytes)
+        (folder / pipe.name).write_text("new")
+        other.write_text("")
+    assert content.result() == b"new"
+    assert pipe.is_fifo()

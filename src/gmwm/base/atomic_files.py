@@ -48,8 +48,18 @@ def _remove_leftovers(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
+def _is_special(path: Path) -> bool:
+    """Return whether a path is a pipe or a device, which renaming a file would replace."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
 def _replace(source: Path, target: Path) -> None:
-    """Rename `source` to `target`, which may exist."""
+    """Rename `source` to `target`, which may exist; a pipe or a device stays, and gets the content."""
+    if _is_special(target):
+        with source.open("rb") as content, target.open("wb") as stream:
+            shutil.copyfileobj(content, stream)
+        source.unlink()
+        return
     end = time.monotonic() + _OPEN_ELSEWHERE_S
     while True:
         try:
@@ -69,11 +79,14 @@ def _replace(source: Path, target: Path) -> None:
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path with the suffix of `path`, and rename it to this if the block succeeds."""
     target = Path(path)
-    if target.is_symlink():
-        target = target.resolve()  # the link stays, and its file is replaced
-    _remove_leftovers(target.parent)
+    folder: Path | None = None  # a pipe or a device may be in a folder that only root can write to
+    if not _is_special(target):
+        if target.is_symlink():
+            target = target.resolve()  # the link stays, and its file is replaced
+        folder = target.parent
+        _remove_leftovers(folder)
     try:
-        handle, name = tempfile.mkstemp(prefix=_prefix(os.getpid()), suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=_prefix(os.getpid()), suffix=target.suffix, dir=folder)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(target)) from error
     os.close(handle)

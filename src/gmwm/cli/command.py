@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import wraps
 from inspect import Parameter, Signature, get_annotations, signature
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from gmwm.base.errors import OptionError, ReadError
+from typer.models import ArgumentInfo, OptionInfo
+
+from gmwm.base.errors import GmwmError, OptionError, ReadError
 from gmwm.base.extras import library
 from gmwm.base.lazy import tomllib
+from gmwm.base.template import shell_option
 from gmwm.base.text import counted
 from gmwm.cli.options import AllRemarks, Json
 from gmwm.cli.output import Outcome, collect_warnings, finish
@@ -97,6 +101,7 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
         parameters.append(Parameter("json", Parameter.KEYWORD_ONLY, default=False, annotation=Json))
     parameters.append(Parameter("all_remarks", Parameter.KEYWORD_ONLY, default=False, annotation=AllRemarks))
     reads = next((name for name, hint in hints.items() if hint is ReadOptions), None)
+    names = {parameter.name: _shell_name(parameter) for parameter in parameters}
 
     @wraps(function)
     def run(**declared: Any) -> None:
@@ -104,7 +109,7 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
         every = declared.pop("all_remarks")
         if declared.get("plot") is not None:
             library("matplotlib")  # before the work, which may take minutes
-        with collect_warnings(every=every) as warned:
+        with collect_warnings(every=every) as warned, _named_by(names, dict(declared)):
             if reads is not None:
                 options = {field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)}
                 declared[reads] = ReadOptionTexts(**with_settings(options, Path.cwd())).parse()
@@ -113,3 +118,41 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+def _shell_name(parameter: Parameter) -> str:
+    """Return the option of a parameter, or the name of the argument in the usage of the command."""
+    infos = (item for item in get_args(parameter.annotation) if isinstance(item, ArgumentInfo | OptionInfo))
+    info = next(infos, None)
+    if isinstance(info, ArgumentInfo):
+        return (info.metavar or parameter.name.upper()).strip("[].")
+    # Typer takes the first name of an option in `Annotated` for its default.
+    given = (getattr(info, "default", None), *(getattr(info, "param_decls", None) or ()))
+    options = [text.partition("/")[0] for text in given if isinstance(text, str) and text.startswith("--")]
+    usual = f"--{parameter.name.replace('_', '-')}"
+    return usual if usual in options or not options else options[0]
+
+
+@contextmanager
+def _named_by(names: Mapping[str, str], given: Mapping[str, Any]) -> Iterator[None]:
+    """Make errors in the block name the options and the arguments of a command, whose values are `given`.
+
+    An argument of the library that is none of the command, such as `path`, is the one that has the value of the error.
+    """
+    try:
+        yield
+    except GmwmError as error:
+        known = {**names, **error.options}
+        for name in {error.argument or "", error.prefix} - {"", *known}:
+            if shell_option(name) not in names.values():
+                same = (names[other] for other, value in given.items() if _is_value(value, error.got))
+                known[name] = next(same, name)
+        error.options = known
+        raise
+
+
+def _is_value(value: Any, got: object) -> bool:
+    """Return whether the path of an option, or one of its paths, is that of an error."""
+    if isinstance(value, list | tuple):
+        return any(_is_value(item, got) for item in value)
+    return isinstance(value, Path) and isinstance(got, str) and value.name == Path(got).name

@@ -17,7 +17,7 @@ from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
 from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import ResultOption, named_as_options
+from gmwm.cli.options import ResultOption
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
@@ -108,10 +108,9 @@ def export(
     written = DEFAULT if format is None else format
     fitted = None if source is not None else _fits_source(calibrations or [], None if all is not None else written)
     files, calibration = _source(calibrations, source, rate) if fitted is None else (calibrations or [], fitted)
-    with named_as_options({"axes": "--axes"}):
-        if all is not None:
-            return _all(calibration, files, make_directory(all, "all"), choice)
-        return _one(calibration, files, output=output, name=written, choice=choice)
+    if all is not None:
+        return _all(calibration, files, make_directory(all, "all"), choice)
+    return _one(calibration, files, output=output, name=written, choice=choice)
 
 
 def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:

@@ -30,7 +30,7 @@ EXAMPLES = (
 
 @command
 def simulate(
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .parquet or .mcap.")],
     duration: Annotated[
         str,
         typer.Option(
@@ -75,7 +75,7 @@ def simulate(
     is added to accel_z. Each axis has its own stream of random numbers. --components does not change the recording:
     each axis, without gravity, is the sum of its columns in the file of --components.
     """
-    from gmwm.recording.writers import table_path
+    from gmwm.recording.writers import MCAP, SUFFIXES, table_path
     from gmwm.theory.simulation import models_by_axis, reference_imu
 
     if sum((reference, bool(model), source is not None)) != 1:
@@ -86,6 +86,10 @@ def simulate(
         )  # fmt: skip
     seconds = parse_length(duration)
     # Check the output files before the simulation, which can take minutes.
+    if output.suffix.lower() not in (*SUFFIXES, MCAP):
+        raise OptionError(
+            argument="output", expected="a file name that ends in .csv, .parquet or .mcap", got=str(output)
+        )
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(argument="components", expected="another file than --output", got=str(components))
     if source is not None:

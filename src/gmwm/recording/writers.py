@@ -126,9 +126,7 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, MCAP, RECORDS):
         raise OptionError(
-            argument="path",
-            expected=f"a path that ends in {', '.join((*SUFFIXES, MCAP))} or {RECORDS}",
-            got=target.name,
+            argument="path", expected=f"a path that ends in {', '.join((*SUFFIXES, MCAP))} or {RECORDS}", got=str(path)
         )
     if suffix == RECORDS:
         _write_records(imu, target, _record_type(format, target))
@@ -162,7 +160,7 @@ def table_path(path: str | os.PathLike[str]) -> Path:
     """Return the path of a table, which ends in .csv or .parquet."""
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
-        raise OptionError(argument="path", expected=f"a path that ends in {' or '.join(SUFFIXES)}", got=target.name)
+        raise OptionError(argument="path", expected=f"a path that ends in {' or '.join(SUFFIXES)}", got=str(path))
     return target
 
 

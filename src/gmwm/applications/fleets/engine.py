@@ -376,7 +376,7 @@ def calibrate_fleet(
     folder = Path(output).absolute()
     units = find_units(recordings, folder, pattern).by_topic(reading)
     if folder.exists() and not folder.is_dir():
-        raise OptionError(argument="output", expected="a folder", got=str(folder))
+        raise OptionError(argument="output", expected="a folder", got=str(output))
     run = _FleetRun(folder, units, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.

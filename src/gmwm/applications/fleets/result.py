@@ -71,7 +71,12 @@ class FleetUnits:
 def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:
     """Find the units of a fleet. `pattern` selects the files of a folder."""
     if isinstance(recordings, str | os.PathLike):
-        return _in_folder(Path(recordings).absolute(), output.absolute(), pattern)
+        folder = Path(recordings).absolute()
+        if folder.exists() and output.exists() and folder.samefile(output):
+            raise OptionError(argument="output", expected="another folder than that of the recordings", got=str(output))
+        if (folder / FILE).exists():
+            raise OptionError(argument="recordings", expected="a folder that no fleet was written to", got=str(folder))
+        return _in_folder(folder, output.absolute(), pattern)
     if pattern is not None:
         raise OptionError(argument="pattern", expected="left out unless recordings is a folder", got=pattern)
     if isinstance(recordings, Mapping):
