@@ -35,12 +35,14 @@ NAMED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", faults.CLEAN)
 def test_a_clean_recording_has_no_fault(kind):
     for seed in range(3):
         assert not NAMED & named(faults.CLEAN[kind](SAMPLES, np.random.default_rng(seed)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["clipped", "clipped_both", "full_scale"])
 def test_clipping_is_found_with_its_share(kind):
     for seed in range(3):
@@ -50,6 +52,7 @@ def test_clipping_is_found_with_its_share(kind):
         assert remark.facts["share"] == pytest.approx(100 * at_ends / x.size, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize("step", [0.0, 1e-7, 0.01, 0.1, 0.3])
 def test_clipping_is_the_only_fault_of_a_clipped_output_at_any_resolution(share, step):
@@ -79,6 +82,7 @@ def test_the_loss_of_clipped_gaussian_noise_is_that_of_the_samples():
         assert loss == pytest.approx(1 - np.std(np.clip(z, low, high)), abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
 def test_a_coarse_output_is_not_clipped(ratio, place):
@@ -118,6 +122,7 @@ def test_a_small_jump_is_found_and_subtracted():
     assert with_jump.high > 2 * without.high
 
 
+@pytest.mark.slow
 def test_several_jumps_are_told_from_a_random_walk():
     """One by one, each of several jumps looks like a part of a random walk of the others."""
     several = 0
@@ -132,6 +137,7 @@ def test_several_jumps_are_told_from_a_random_walk():
     assert several >= 9
 
 
+@pytest.mark.slow
 def test_a_jump_is_subtracted_from_a_stream_too(tmp_path):
     rng = np.random.default_rng(4)
     x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)
@@ -149,6 +155,7 @@ def test_jumps_that_fit_to_the_random_walk_are_noise():
     assert not seen(x).steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [2.5, 4.0, 8.3])
 def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     rng = np.random.default_rng(6)
@@ -210,6 +217,7 @@ def test_tails_of_three_degrees_of_freedom_stay_in():
         assert not replaced.knocks
 
 
+@pytest.mark.slow
 def test_a_dither_line_is_not_a_wrong_unit():
     x = faults.dithered(2 * SAMPLES, np.random.default_rng(3))
     calibration = gmwm.calibrate(imu_of(x))
@@ -309,6 +317,7 @@ def test_a_settling_is_no_staircase_of_jumps():
     assert calibration.number_verdicts["accel_x"]["K"].usability.value == "use as a bound"
 
 
+@pytest.mark.slow
 def test_jumps_without_a_decay_are_no_settling():
     rng = np.random.default_rng(4)
     settling = 0

@@ -264,3 +264,17 @@ def test_a_parameter_that_is_not_determined_has_a_limit():
     assert _narrow_enough(scale, (1.0, 101.0)) == (0.0, 101.0)
     assert _narrow_enough(shape, (1.0, 9.0)) == (1.0, 9.0)
     assert _narrow_enough(shape, (1.0, 11.0)) == (0.0, math.inf)
+
+
+def test_the_interval_of_b_holds_the_coefficient_of_flicker_noise_and_the_minimum_of_the_curve(monkeypatch):
+    rng = np.random.default_rng((41, 1))
+    white, walk = rng.normal(size=60_000), np.cumsum(3e-3 * rng.normal(size=60_000))
+    axis = gmwm.calibrate({"gyro_x": gmwm.Signal(white + walk, 100.0, "rad/s")}).axes["gyro_x"]
+    sheet, every = averaging.model_datasheet(axis.fit, 0.95), axis.ranking
+    other = next(replace(c, difference=2.0) for c in every.distinct if c.fit.model.structure == "WN + FN")
+    assert axis.fit.model.structure == "WN + RW"
+    monkeypatch.setattr(averaging, "MOST_MODELS", 1)
+    few = replace(every, candidates=(*(c for c in every.candidates if c.recommended), other))
+    widened = averaged_datasheet(sheet, few, 0.95)
+    assert widened["B"].low < averaging.model_datasheet(other.fit, 0.95)["B"].value < sheet["B"].low
+    assert (widened["N"].low, widened["N"].high) == (sheet["N"].low, sheet["N"].high)

@@ -45,6 +45,7 @@ def test_the_numbers_are_those_of_the_datasheet():
     assert (code_of(found.verdict), found.verdict.facts["reasons"]) == ("verdict:usable", ("warm-up",))
 
 
+@pytest.mark.slow
 def test_a_large_warm_up_is_left_out(tmp_path):
     imu = recording(2e-3 * np.exp(-AT / 100.0))
     found = gmwm.calibrate(imu, within="WN + RW")
@@ -74,6 +75,7 @@ def test_an_offset_of_an_accelerometer_is_a_bias():
     assert all(of_axis["N"].usability is Usability.USE for of_axis in found.number_verdicts.values())
 
 
+@pytest.mark.slow
 def test_a_dithered_gyroscope_has_a_right_unit():
     # The dither of a laser gyroscope gives 1.6 deg/s/√Hz in first differences; N of the noise is 0.0084 deg/s/√Hz.
     rate, samples = 1000.0, 100_000

@@ -34,6 +34,7 @@ def popcorn(rng: np.random.Generator, size: float, duration: float, share: float
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shortest", "longest", "size", "period"),
     [

@@ -36,6 +36,7 @@ def _low_pass(x, share):
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.0, 1e-4, 7e-4, 3e-3])
 @pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
 def test_a_clean_recording_is_not_changed(step, share):
@@ -139,11 +140,11 @@ def _held(x, longest, share, seed):
     return x[np.maximum.accumulate(np.where(held, 0, np.arange(x.size)))], held
 
 
-@pytest.mark.parametrize("step", [1e-5, 3e-4, 1e-3, 1.6e-3])
-@pytest.mark.parametrize(("longest", "share"), [(1, 0.15), (2, 0.1), (50, 0.05), (50, 0.4)])
+@pytest.mark.parametrize("step", [1e-5, 5e-4, 1.6e-3])
+@pytest.mark.parametrize(("longest", "share"), [(1, 0.2), (50, 0.05), (50, 0.4)])
 @pytest.mark.parametrize("together", [False, True])
 def test_held_values_of_any_output_are_gaps(step, longest, share, together):
-    x, y = (np.round(_noise(seed, 120_000) / step) * step for seed in (21, 22))
+    x, y = (np.round(_noise(seed, 60_000) / step) * step for seed in (21, 22))
     values, held = _held(x, longest, share, 23)
     parts = repaired(_imu(values, gyro_y=_held(y, longest, share, 23)[0] if together else y))
     part = next(part for part in parts if "gyro_x" in part.axes)
@@ -160,7 +161,7 @@ def test_held_values_of_any_output_are_gaps(step, longest, share, together):
 @pytest.mark.parametrize("step", [0.2, 0.7, 1.5, 2.5])
 @pytest.mark.parametrize("kind", ["white", "one pole", "mean of 3", "tails", "slow", "counter", "line"])
 def test_equal_neighbours_by_chance_are_not_held(step, kind):
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng((31, seed))
         x, at = rng.normal(size=40_000), np.arange(40_000)
         if kind == "one pole":

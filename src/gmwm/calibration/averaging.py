@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
+from gmwm.choosing.datasheets.bias import SYMBOL
+from gmwm.choosing.datasheets.effective import is_flicker
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.choosing.selection.ranking import Candidate, Ranking
 from gmwm.fitting.estimation.intervals import parameters_by_name, with_quick_intervals
@@ -93,7 +96,7 @@ def _crossing(above: Callable[[float], float], wanted: float, first: float, last
     return math.exp(scipy.optimize.brentq(lambda y: above(math.exp(y)) - wanted, first, last, xtol=1e-15))
 
 
-def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
+def weighted_candidates(ranking: Ranking, most: int = MOST_MODELS) -> list[tuple[float, Candidate]]:
     """Return the models to average over, with the weights exp(−Δ/2), where Δ is the criterion minus the best one."""
     weighted = []
     for candidate in ranking.distinct:
@@ -103,26 +106,43 @@ def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
         weight = math.exp(-difference / 2)
         if weight >= LEAST_WEIGHT or candidate.recommended:
             weighted.append((weight, candidate))
-    return sorted(weighted, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST_MODELS]
+    return sorted(weighted, key=lambda pair: (not pair[1].recommended, -pair[0]))[:most]
 
 
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the recommended model's datasheet; each interval is the union with the average over models. A number is a
-    limit if models without it have over (1 − level) / 2 of the weight."""
-    others = []
-    for weight, candidate in weighted_candidates(ranking):
-        if candidate.recommended:
-            others.append((weight, sheet))
-            continue
-        try:
-            other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
-        except GmwmError:  # A model without intervals gives no information about a number.
-            continue
-        if _is_determined(other):
-            others.append((weight, other))
-    if len(others) < 2:
+    limit if models without it have over (1 − level) / 2 of the weight. B, the coefficient of flicker noise or else the
+    minimum of the curve, is averaged over models with and without flicker noise."""
+    candidates = weighted_candidates(ranking, len(ranking.distinct))
+    averaged, rest = candidates[:MOST_MODELS], candidates[MOST_MODELS:]
+    kinds = {_has_flicker(candidate) for _, candidate in averaged} if rest else set()
+    other_kind = [pair for pair in rest if _has_flicker(pair[1]) not in kinds][:1]
+
+    def sheets(pairs: Iterable[tuple[float, Candidate]]) -> Iterator[tuple[float, Datasheet]]:
+        for weight, candidate in pairs:
+            if candidate.recommended:
+                yield weight, sheet
+                continue
+            with suppress(GmwmError):  # A model without intervals gives no information about a number.
+                other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
+                if _is_determined(other):
+                    yield weight, other
+
+    others = list(sheets(averaged))
+    both = [*others, *sheets(other_kind)]
+    if len(both) < 2:
         return sheet
-    return replace(sheet, entries=tuple(_widen(entry, sheet, others, level) for entry in sheet.values()))
+
+    def widened(entry: Entry) -> Entry:
+        pairs = both if entry.symbol == SYMBOL else others
+        return entry if len(pairs) < 2 else _widen(entry, sheet, pairs, level)
+
+    return replace(sheet, entries=tuple(map(widened, sheet.values())))
+
+
+def _has_flicker(candidate: Candidate) -> bool:
+    wv, processes = candidate.fit.wavelet_variance, candidate.fit.model.processes
+    return any(process.scale > 0 and is_flicker(process, wv.rate) for process in processes)
 
 
 def with_band(

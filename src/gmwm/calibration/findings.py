@@ -23,6 +23,7 @@ from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.covariance.design import Design
+from gmwm.measuring.covariance.tails import UNKNOWN
 from gmwm.measuring.outliers import excess_text
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.noise import RW
@@ -249,7 +250,10 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
         yield Remark.of("outliers-not-tested", axis, case="fit", reason=verdict.reason)
     yield from _of_replaced(axis, verdict.replaced, axis_calibration)
     named = any(remark.code == "heavy-tails" and remark.subject == axis for remark in calibration.recording_remarks)
-    if verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
+    excess = axis_calibration.fit.wavelet_variance.excess
+    if excess is not None and excess.max() > UNKNOWN**2 / 2:
+        yield Remark.of("heavy-tails", axis, case="infinite", numbers=("N",))
+    elif verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return

@@ -21,8 +21,7 @@ Kind = Literal["exponential", "linear", "quadratic"]
 
 FEWEST = 48
 """Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
-_SIZE = 0.01
-"""Significance level of the test (docs/validation/trends.md)."""
+_SIZE = 0.01  # significance level of the test (docs/validation/trends.md)
 _TAIL = (8.5, 0.4)
 """The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for a random walk of moderate size, the noise that
 is most often mistaken for a trend (docs/validation/trends.md)."""

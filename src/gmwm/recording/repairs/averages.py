@@ -15,8 +15,10 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.moving_average import moving_average
+from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
 from gmwm.recording.resolution import step_of
-from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import cut_base
 
 _LENGTH, _MOST = 4096, 128  # length of the periodograms, and largest number of them
@@ -24,13 +26,11 @@ _FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # frequencies, relative to the rate, 
 _EMPTY = 1e-4
 """Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
-_PASSES = 0.5  # density, relative to the slow one, at the frequency up to which the noise passes the filter
+_PASSES, _BAND = 0.5, 0.1
+"""Densities, relative to the slow one, down to which the noise passes the filter, and down to which it is fitted."""
 _OF_RATE = 3.0
 """Twice this frequency over the rate after averaging. The memory is far below a mean's length, so its error (7 % after
 20 minutes) is small beside that of N; with 2, 95 % intervals of N cover in 88 % (validation/faults.py, cic)."""
-_BAND, _FALLS_AS = 0.1, (2, 3, 4, 6, 8, 12, 16)
-"""Density, relative to the slow one, down to which a filter's band is fitted, and powers p of ln S = a − (f/b)^p: 2 for
-averages and windows, 8 and more for sharp edges (tests/recording/test_averages.py)."""
 _SLOWER, _FALLS, _SHORT = (0.0007, 0.0015), 100.0, 8
 """Lower frequencies, relative to the rate; ratio of their density to that of `_SLOW` above which the noise ends in
 between, because a random walk has 36; and number of samples that are averaged to look there."""
@@ -65,24 +65,10 @@ def averaged(recording: Imu | Streamed, length: int, memories: Mapping[str, floa
     density 1 − d + d cos ω, d = m / length; a first-order recursion undoes it."""
     if not isinstance(recording, Imu):
         return _AveragedStream(recording, length, memories)
-    first = recording.signals[recording.axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: signal.values for axis, signal in recording.signals.items()}
-    samples = Samples(values, recording.rate, first=0, segment=0, runs=runs, temperature=recording.temperature)
     averages = _Averages(length, recording.rate, memories)
-    (part,) = averages.of([samples])
-    ranges = list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=part.values[axis], rate=part.rate, unit=signal.unit, axis=axis,
-            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
-            gaps_known=first.gaps_known or len(first.segments) == 1,
-        )
-        for axis, signal in recording.signals.items()
-    }  # fmt: skip
-    base = averages.time_base(recording.time_base or TimeBase(recording.rate, start=first.start))
-    remarks = (*recording.remarks, *_remarks(recording.axes, length, recording.rate))
-    return replace(recording, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+    (part,) = averages.of([samples_of(recording, recording.axes)])
+    base = averages.time_base(time_base_of(recording))
+    return with_samples(recording, part, base, _remarks(recording.axes, length, recording.rate))
 
 
 class _Averages:
@@ -148,31 +134,18 @@ class _Averages:
         return np.asarray(values)
 
 
-class _AveragedStream:
+class _AveragedStream(Stage):
     """A recording in a file whose samples are averaged while they are read."""
 
     def __init__(self, stream: Streamed, length: int, memories: Mapping[str, float]) -> None:
-        self._stream, self._length, self._memories = stream, length, memories
-        self._averages: _Averages | None = None
-        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate / length
-        self.has_temperature, self.rows = stream.has_temperature, stream.rows // length
-
-    @property
-    def remarks(self) -> tuple[Remark, ...]:
-        """Remarks of the stream and on the averages."""
-        return (*self._stream.remarks, *_remarks(self.axes, self._length, self._stream.rate))
-
-    @property
-    def time_base(self) -> TimeBase:
-        """Properties of the time stamps; after an iteration those of the means."""
-        base = self._stream.time_base
-        return base if self._averages is None else self._averages.time_base(base)
+        super().__init__(stream, every=length)
+        self._length, self._memories, self._remarks = length, memories, _remarks(stream.axes, length, stream.rate)
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the means."""
         averages = _Averages(self._length, self._stream.rate, self._memories)
         yield from averages.of(self._stream.samples())
-        self._averages = averages
+        self._base = averages.time_base(self._stream.time_base)
 
 
 def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...]:
@@ -225,14 +198,16 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     if not passing.size:
         return SteepFilter()
     passes = float(passing[-1] + 1) * 8 / _LENGTH
-    if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
+    is_steep = 0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))
+    if not is_steep or moving_average(density, 2.0 * len(blocks)) is not None:  # a model describes an average
         return SteepFilter()
     # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df, with the fitted S in the band and 0 above half the rate.
     beyond = np.flatnonzero(smooth[passing[-1] :] <= _BAND * slow)
     end = 8 * int(passing[-1] + beyond[0]) if beyond.size else density.size
     band = slice(max(round(passes * _LENGTH / 8), 3), end)
     logs = np.log(density[band])
-    fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in _FALLS_AS]
+    # ln S = a − (f/b)^p has p = 2 for averages and windows, and 8 and more for sharp edges.
+    fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in (2, 3, 4, 6, 8, 12, 16)]
     (line, *_), power = min(fits, key=lambda fit: float(fit[0][1][0]))
     fitted = np.exp(np.polyval(line, frequency**power))
     fitted *= np.mean(density[band] / fitted[band])  # the mean of a logarithm is below that of the density

@@ -185,8 +185,7 @@ def held_by_chance(axes: Sequence[Vector], same: Mask) -> Repeats | None:
     equal ρ times as often, and three different samples monotone more often than 1 in 3, which determines ρ."""
     starts = np.flatnonzero(~same)
     lengths = np.diff(np.append(starts, same.size))
-    repeated = same.size - starts.size
-    if repeated < LIMITS.least_share * same.size or starts.size < 10 * LIMITS.least_changes:
+    if same.size - starts.size < LIMITS.least_share * same.size or starts.size < 10 * LIMITS.least_changes:
         return None
     roughness = tuple(_roughness(values) for values in axes)
     factor = max(math.prod(roughness), 1.0)
@@ -196,7 +195,7 @@ def held_by_chance(axes: Sequence[Vector], same: Mask) -> Repeats | None:
     returns = np.count_nonzero(np.logical_and.reduce([values[2:] == values[:-2] for values in axes]) & ~same[2:])
     error = math.sqrt(pairs / 2 + factor**4 * returns + 1)
     is_clear = pairs - factor**2 * returns > LIMITS.clear * error
-    if not is_clear and not _has_long_runs(lengths, repeated / same.size):
+    if not is_clear and not _has_long_runs(lengths, factor * returns / starts.size):
         return None
     chance = _by_chance(axes, starts, roughness)
     logs = (lengths - 1) * np.log(chance)
@@ -227,8 +226,8 @@ def _roughness(values: Vector) -> float:
 
 
 def _has_long_runs(lengths: Indices, share: float) -> bool:
-    """Return whether more samples are late in runs of equal ones than if a Gaussian output repeats this share."""
-    late = [np.sum(np.maximum(lengths - m, 0)) / np.sum(lengths) - (1.45 * share) ** m for m in (3, 7, 15, 31)]
+    """Return whether more samples are late in runs of equal ones than if this share of Gaussian values returns."""
+    late = [np.sum(np.maximum(lengths - m, 0)) / np.sum(lengths) - (1.8 * share) ** m for m in (3, 7, 15, 31)]
     return bool(max(late) > LIMITS.least_share / 2)
 
 
