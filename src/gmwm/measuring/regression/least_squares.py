@@ -9,14 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm.base.arrays import Matrix, Vector, runs_of
 from gmwm.base.lazy import scipy
 from gmwm.measuring.covariance.design import Design
-from gmwm.measuring.covariance.mixture import mixture
-from gmwm.theory.processes.base import Process
+
+if TYPE_CHECKING:
+    from gmwm.theory.processes.base import Process
 
 COLLINEAR_CONDITION = 1e6
 """Condition number of P (unit diagonal) of collinear columns: standard errors grow up to 1000 times."""
@@ -290,6 +292,8 @@ class NoiseMixtures:
     @classmethod
     def of(cls, variance: Vector, freedom: Vector, samples: int) -> NoiseMixtures:
         """Estimate the noise of `samples` values with a wavelet variance (J,) and its degrees of freedom."""
+        from gmwm.measuring.covariance.mixture import mixture
+
         design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
         fits = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
         # −2 log L, with a Gamma distribution for the wavelet variance of each level.
