@@ -226,3 +226,11 @@ def test_knocks_that_change_no_number_have_no_remark(deviation, named):
     found = inspect(Imu({"gyro_x": Signal(x, 100.0, "rad/s", axis="gyro_x")}))
     assert (len(found.knocks), found.has_knocks) == (1, named)
     assert ("change N by less than 0.5 %" in found.summary()) is not named
+
+
+def test_exchanged_columns_are_named_instead_of_motion():
+    x = np.random.default_rng(1).normal(scale=1e-3, size=(6, 6400))
+    x[2] += STANDARD_GRAVITY
+    remarks = inspect(Imu.from_arrays(dict(zip(AXES, x, strict=True)), rate=100.0)).remarks
+    assert only(remarks, "unit-doubtful:exchanged").subject == "gyro_z"
+    assert not [code for code in codes(remarks) if code.startswith("recording-moved")]
