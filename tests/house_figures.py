@@ -15,6 +15,7 @@ import subprocess
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 if sys.version_info >= (3, 11):
@@ -35,6 +36,18 @@ IRREGULAR = {"built", "cut", "drawn", "given", "held", "kept", "known", "left", 
 PINNED = re.compile(r"tests?[/ ]|docs/validation|\bpaper\b|\bstudy\b|\b(19|20)\d\d\b|[Ss]ee `|equation|chapter|section")
 
 
+@cache
+def parsed(file: Path) -> ast.Module:
+    """Return the syntax tree of a file, which several figures and tests walk."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
+def nodes(tree: ast.Module) -> list[ast.AST]:
+    """Return every node of a tree."""
+    return list(ast.walk(tree))
+
+
 def files(package: Path) -> list[Path]:
     """Every Python file of the package."""
     return sorted(package.rglob("*.py"))
@@ -47,7 +60,7 @@ def place(package: Path, file: Path, node: ast.AST) -> str:
 
 def assigned_names(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
     """Names that functions assign: targets of assignments, loops, comprehensions and `with`."""
-    for function in ast.walk(tree):
+    for function in nodes(tree):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             for node in ast.walk(function):
                 if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
@@ -56,7 +69,7 @@ def assigned_names(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
 
 def functions(tree: ast.Module) -> Iterator[ast.FunctionDef]:
     """Every function and method."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.FunctionDef):
             yield node
 
@@ -131,14 +144,13 @@ def kinds_of_lines(text: str, tree: ast.Module) -> Counter[str]:
     """Lines of one file by what they hold: code, docstrings, signatures, imports, comments, nothing."""
     kinds = ["comment" if line.lstrip().startswith("#") else "code" if line.strip() else "blank"
              for line in text.splitlines()]  # fmt: skip
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
             _mark(kinds, node.lineno, node.end_lineno, "import")
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             _mark(kinds, node.lineno, node.body[0].lineno - 1, "signature")
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
-                _mark(kinds, child.lineno, child.end_lineno, "docstring")
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            _mark(kinds, node.lineno, node.end_lineno, "docstring")
     return Counter(kinds)
 
 
@@ -158,7 +170,7 @@ def _output(program: str, package: Path) -> str:
 def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
     """Each figure with the places behind it."""
     texts = {file: file.read_text(encoding="utf-8") for file in files(package)}
-    trees = {file: ast.parse(text) for file, text in texts.items()}
+    trees = {file: parsed(file) for file in texts}
     kinds: Counter[str] = Counter()
     folders: Counter[str] = Counter()
     for file, text in texts.items():
@@ -178,7 +190,7 @@ def figures(package: Path) -> dict[str, tuple[float, list[str]]]:
             named += 1
             if is_participle(function.name):
                 participles.append(f"{place(package, file, function)} {function.name}")
-        for node in ast.walk(tree):
+        for node in nodes(tree):
             if isinstance(node, ast.ClassDef):
                 classes[node.name.strip("_")].append(place(package, file, node))
         for name, node, text in constants(tree):

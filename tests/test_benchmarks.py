@@ -153,8 +153,18 @@ def test_memory_of_a_process_is_its_own() -> None:
 
 
 @pytest.mark.slow
-def test_recordings_that_are_missing_are_left_out(tmp_path: Path) -> None:
+def test_recordings_that_are_missing_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = []
+
+    def inspect(name: str, arguments: list[str], samples: int, folder: Path) -> children.Child:
+        words.append(arguments)
+        return children.command(name, ["info", arguments[1]], samples, folder)
+
+    monkeypatch.setattr(recordings, "command", inspect)
     rows = [asdict(row) for row in recordings.recordings(tmp_path, samples=10_000)]
+    assert [(first, *rest) for first, _, *rest in words] == [
+        ("calibrate", "--output", f"results-{name}") for name in ("whole", "gaps")
+    ]
     results = Results(empty() | {"recordings": rows})
     assert [row[:2] for row in recordings.rows_of_recordings(results)] == [
         ["1 kHz, no sample lost", "6×10⁴"],

@@ -16,11 +16,12 @@ from gmwm.recording.writers import write
 
 FORKS = pytest.mark.skipif(sys.platform != "linux", reason="helpers are forked on Linux only")
 CALLS = """
-import os, signal, time, warnings
+import os, signal, warnings
 from math import sqrt
 from gmwm.base.helpers import Helpers
 def own(): return os.getpid()
-def slow(): time.sleep(1); return os.getpid()
+until, begun = os.pipe()
+def slow(): os.read(until, 1); return os.getpid()
 def warn(): warnings.warn("from a helper"); return 1
 def end(first): return 7 if os.getpid() == first else os.kill(os.getpid(), signal.SIGKILL)
 def secret(): return lambda: 3
@@ -28,6 +29,7 @@ beside = Helpers(1)
 assert beside.run(own) != os.getpid()
 waiting = beside.begin(slow)
 here = beside.run(own)
+os.write(begun, b"x")
 assert here == os.getpid() != waiting() == beside.run(own)
 try:
     beside.run(sqrt, -1.0)
@@ -72,7 +74,7 @@ def test_a_process_with_threads_is_not_forked():
 
 @FORKS
 def test_a_helper_returns_results_errors_and_warnings_and_may_end():
-    done = subprocess.run([sys.executable, "-c", CALLS], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", CALLS], capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stdout.splitlines(), done.stderr) == (0, ["math domain error", "from a helper"], "")
 
 

@@ -9,7 +9,6 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,7 +20,7 @@ import pytest
 import gmwm
 from gmwm.theory.processes import registry
 from tests.helpers import each, tomllib
-from tests.house_figures import figures, modules_of_calibrate
+from tests.house_figures import figures, modules_of_calibrate, parsed
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"
@@ -43,12 +42,6 @@ def modules() -> list[str]:
 
 def _no_module_is_skipped(name: str) -> None:
     raise ImportError(f"{name} cannot be imported")
-
-
-@cache
-def parsed(file: Path) -> ast.Module:
-    """The syntax tree of a file, which several tests walk."""
-    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def python_files() -> list[Path]:

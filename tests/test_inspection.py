@@ -41,6 +41,7 @@ def test_a_sensor_at_rest_gets_no_remark():
         assert found.axes["gyro_x"].lsb is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
 def test_no_absolute_scale(scale):
     values = still()[:, :3]
@@ -71,6 +72,7 @@ def of_rows(stamps, values, tmp_path, **options):
     return inspect(gmwm.read(path), **options)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
 @pytest.mark.parametrize("twice", [np.arange(0, 10_000, 7), np.arange(10_000), np.arange(50, 10_000, 100)])
 def test_rows_that_were_written_twice_are_named(twice, tmp_path):
@@ -95,6 +97,7 @@ def test_rounded_stamps_or_a_coarse_output_are_not_rows_written_twice(step, tmp_
     assert only(found.remarks, "stamps-irregular:repeated")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-9, 1.0])
 def test_an_axis_that_sticks_is_named(scale):
     values = still() * scale
@@ -126,6 +129,7 @@ def test_motion_is_found():
     assert remark.facts["ratio"] > 4
 
 
+@pytest.mark.slow
 def test_motion_is_one_range_without_knocks_and_jumps_at_its_edges():
     rng = np.random.default_rng(5)
     values = still(120_000)

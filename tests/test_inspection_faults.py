@@ -35,12 +35,14 @@ NAMED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", faults.CLEAN)
 def test_a_clean_recording_has_no_fault(kind):
     for seed in range(3):
         assert not NAMED & named(faults.CLEAN[kind](SAMPLES, np.random.default_rng(seed)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["clipped", "clipped_both", "full_scale"])
 def test_clipping_is_found_with_its_share(kind):
     for seed in range(3):
@@ -50,6 +52,7 @@ def test_clipping_is_found_with_its_share(kind):
         assert remark.facts["share"] == pytest.approx(100 * at_ends / x.size, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
 @pytest.mark.parametrize("step", [0.0, 1e-7, 0.01, 0.1, 0.3])
 def test_clipping_is_the_only_fault_of_a_clipped_output_at_any_resolution(share, step):
@@ -79,6 +82,7 @@ def test_the_loss_of_clipped_gaussian_noise_is_that_of_the_samples():
         assert loss == pytest.approx(1 - np.std(np.clip(z, low, high)), abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
 def test_a_coarse_output_is_not_clipped(ratio, place):
@@ -118,6 +122,7 @@ def test_a_small_jump_is_found_and_subtracted():
     assert with_jump.high > 2 * without.high
 
 
+@pytest.mark.slow
 def test_several_jumps_are_told_from_a_random_walk():
     """One by one, each of several jumps looks like a part of a random walk of the others."""
     several = 0
@@ -132,6 +137,7 @@ def test_several_jumps_are_told_from_a_random_walk():
     assert several >= 9
 
 
+@pytest.mark.slow
 def test_a_jump_is_subtracted_from_a_stream_too(tmp_path):
     rng = np.random.default_rng(4)
     x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)
@@ -149,6 +155,7 @@ def test_jumps_that_fit_to_the_random_walk_are_noise():
     assert not seen(x).steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [2.5, 4.0, 8.3])
 def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     rng = np.random.default_rng(6)
@@ -210,6 +217,7 @@ def test_tails_of_three_degrees_of_freedom_stay_in():
         assert not replaced.knocks
 
 
+@pytest.mark.slow
 def test_a_dither_line_is_not_a_wrong_unit():
     x = faults.dithered(2 * SAMPLES, np.random.default_rng(3))
     calibration = gmwm.calibrate(imu_of(x))
@@ -237,7 +245,28 @@ def test_jumps_that_a_walk_hardly_explains_make_k_a_bound():
     assert not any(remark.facts.get("case") == "jumps" for remark in calibration.remarks)
 
 
-@pytest.mark.parametrize("seed", [4, 6, 11])
+@pytest.mark.parametrize("seconds", [2, 5, 40])
+def test_a_disturbance_of_some_seconds_is_a_jump_and_a_jump_back(seconds):
+    """Its ends are found to within samples, so that N is right, also if it is shorter than a block of the search."""
+    rng, length = np.random.default_rng(seconds), 100 * seconds
+    x = faults.WHITE * rng.normal(size=SAMPLES) + np.cumsum(faults.WALK * rng.normal(size=SAMPLES))
+    begins = (SAMPLES // 5 + 37, SAMPLES // 2 + 111)
+    for begin in begins:
+        x[begin : begin + length] += 2.0 * faults.WHITE
+    steps = [step for step in seen(x).steps if step.is_certain]
+    assert [step.index for step in steps] == pytest.approx([k for a in begins for k in (a, a + length)], abs=20)
+    assert [step.size for step in steps] == pytest.approx([2 * faults.WHITE, -2 * faults.WHITE] * 2, rel=0.2)
+
+
+def test_noise_has_no_disturbances():
+    rng, size = np.random.default_rng(8), 60_000
+    for k in range(12):
+        walk = np.cumsum(rng.normal(size=size)) * np.exp(rng.uniform(-8, -3))
+        noise = rng.standard_t(3, size=size) if k % 2 else rng.normal(size=size)
+        assert not any(step.is_certain for step in seen(1e-4 * (noise + walk)).steps), k
+
+
+@pytest.mark.parametrize("seed", [4, 6])
 def test_several_jumps_that_look_like_a_walk_are_possible(seed):
     x = faults.jumps(120_000, np.random.default_rng((5, seed)))
     remark = only(seen(x).remarks, "level-steps:possible", "gyro_x")
@@ -250,10 +279,26 @@ def test_a_second_warm_up_makes_k_a_bound():
     at = np.arange(size) / size
     x = faults.WHITE * np.random.default_rng(3).normal(size=size)
     x += 4e-4 * np.exp(-8 * at) + 4e-4 * np.where(at > 0.5, np.exp(-8 * (at - 0.5)), 0.0)
-    only(seen(x).remarks, "level-steps:possible", "gyro_x")
+    ((first, last),) = only(seen(x).remarks, "level-steps:settles", "gyro_x").facts["ranges"]
+    assert first == pytest.approx(size / 2 / faults.RATE, rel=0.02)
+    assert last > 0.7 * size / faults.RATE
     calibration = gmwm.calibrate(imu_of(x), "WN + RW")
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
+
+
+@pytest.mark.parametrize("shape", ["back", "lasting", "logarithm"])
+def test_a_creep_without_a_clear_jump_makes_k_a_bound(shape):
+    rng, size = np.random.default_rng(12), 72_000
+    x = 1e-4 * np.sqrt(20) * rng.normal(size=size) + np.cumsum(1e-5 / np.sqrt(20) * rng.normal(size=size))
+    since = np.maximum(np.arange(size) / 20 - 1500, 0.0)
+    course = {"back": (since > 0) * np.exp(-since / 40), "lasting": 1 - np.exp(-since / 60),
+              "logarithm": np.log1p(since / 10) / 4}[shape]  # fmt: skip
+    recording = Imu({"gyro_x": Signal(x + 1.2e-3 * course, 20.0, "rad/s", axis="gyro_x")})
+    calibration = gmwm.calibrate(recording, "WN + RW")
+    begin, end = only(calibration.remarks, "level-steps:settles", "gyro_x").facts["ranges"][0]
+    assert 1400 < begin < 1520 < end
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
 
 
 def test_a_settling_is_no_staircase_of_jumps():
@@ -272,6 +317,7 @@ def test_a_settling_is_no_staircase_of_jumps():
     assert calibration.number_verdicts["accel_x"]["K"].usability.value == "use as a bound"
 
 
+@pytest.mark.slow
 def test_jumps_without_a_decay_are_no_settling():
     rng = np.random.default_rng(4)
     settling = 0

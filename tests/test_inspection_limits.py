@@ -144,10 +144,12 @@ def turned(angle, noise):
     return "recording-settles" in codes(inspect(Imu.from_arrays(axes, RATE)).remarks)
 
 
+@pytest.mark.slow
 def test_a_turn_of_a_tenth_of_a_degree_is_reported():
     assert [turned(angle, 1e-3) for angle in (0.08, 0.13)] == [False, True]
 
 
+@pytest.mark.slow
 def test_a_turn_of_five_standard_errors_is_reported():
     # The standard error of the direction of a window is √6 noise / √1000, here 0.1°.
     noise = np.radians(0.1) * STANDARD_GRAVITY * np.sqrt(1000 / 6)

@@ -28,6 +28,7 @@ def settling(samples, size, time):
     return size * np.exp(-np.arange(samples) / RATE / time)
 
 
+@pytest.mark.slow
 @each("scale", [1e-9, 1.0, 1e9])
 @each("size", [3e-3, -3e-3])
 @each("time", [60.0, 200.0, 400.0])
@@ -147,6 +148,7 @@ def test_a_stream_says_the_same(tmp_path):
     assert whole.remarks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [np.full(20_000, 0.3), np.round(np.linspace(0, 3, 20_000))])
 def test_levels_without_noise(values):
     assert inspect(Imu({"gyro_x": Signal(values, RATE, "rad/s", "gyro_x")})).trends == ()

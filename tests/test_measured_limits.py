@@ -29,6 +29,7 @@ def recording(seed):
     return gmwm.Signal(white + walk + slow, RATE, "rad/s")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.base.errors.FitWarning")
 @each("seed", range(30))
 def test_no_number_exceeds_the_measured_curve(seed):

@@ -62,6 +62,7 @@ def unguarded(source: str) -> list[str]:
     return [name for name, _, around in posix_calls(ast.parse(source)) if not is_guarded(around)]
 
 
+@pytest.mark.slow
 def test_no_call_of_some_systems_is_made_on_all():
     places = {
         str(path.relative_to(PACKAGE)): names

@@ -43,6 +43,7 @@ def test_noise_far_below_a_step_is_an_upper_limit():
     assert before_rounding([np.ones(256)] * 8, 1.0) < 0.2
 
 
+@pytest.mark.slow
 def test_held_samples_and_spikes_do_not_change_the_noise():
     x = recorded(1.5, 0.2, 1.0, 2)
     held = x.copy()

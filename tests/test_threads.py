@@ -22,7 +22,7 @@ def work(name, seconds):
     print(name, flush=True)
     time.sleep(seconds)
 try:
-    in_threads(work, {"long": 60.0})
+    in_threads(work, {"long": 600.0})
 except KeyboardInterrupt:
     print("broken off", flush=True)
     os._exit(0)
@@ -38,7 +38,7 @@ def test_an_interrupt_does_not_wait_for_the_work():
         assert process.stdout.readline() == "long\n"
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=30)
+        out, _ = process.communicate(timeout=300)
     finally:
         process.kill()
     assert (process.returncode, out) == (0, "broken off\n")

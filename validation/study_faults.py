@@ -42,7 +42,7 @@ NAMED: dict[str, str] = {
     "moved_end": "recording-moved:moved or samples-replaced:knocks",
     "cic": "fault-undone:filtered", "cic_coarse": "fault-undone:filtered",
     "resampled": "fault-undone:resampled", "dithered": "lines:known", "pulses": "samples-replaced:knocks",
-    "states": "samples-replaced:knocks", "second_warm_up": "level-steps:possible",
+    "states": "samples-replaced:knocks", "second_warm_up": "level-steps:settles",
 }  # fmt: skip
 """The remark that names each fault."""
 TRUTH = dict.fromkeys(

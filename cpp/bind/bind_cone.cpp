@@ -66,6 +66,17 @@ void bind_cone(nb::module_& m) {
       "Weights, none negative, whose sum of the rows of `columns` comes nearest to target, and the objective.");
 
   m.def(
+      "often_near",
+      [](Matrix data, Vector limits, Matrix columns, double most) {
+        require(data.shape(0) == limits.size() && (limits.size() == 0 || columns.shape(1) == data.shape(1)),
+                "each row of the data has a limit, and the columns are as long as the data");
+        return gmwm::often_near(view(data), view(limits), view(columns), most);
+      },
+      nb::arg("data").noconvert(), nb::arg("limits").noconvert(), nb::arg("columns").noconvert(), nb::arg("most"),
+      "Whether more than `most` rows of the data are within their limit, a squared distance, of a sum of the rows of "
+      "`columns` with weights of which none is negative.");
+
+  m.def(
       "cone_refine",
       [](Vector target, Matrix fixed, Vector positive, Matrix values, Matrix slopes, Vector margins, Vector starts) {
         require_on_curve(starts, values);

@@ -116,12 +116,30 @@ gmwm::WeightedTable table_of(Matrix root, Vector positive, Indices owner, Vector
           view(root), view(positive), safety, neighbours};
 }
 
-std::tuple<Found, double, double, double, std::size_t> solve(const Search& search, const gmwm::WeightedTable& table,
-                                                             std::size_t count, std::size_t most, Vector starts) {
+void require_table(const Search& search, const gmwm::WeightedTable& table, std::size_t count, const Vector& starts) {
   require(table.dim() == search.curve().dim() && table.branches() <= search.curve().branches() && count > 0,
           "the table must have the levels and the branches of the search");
   for (const double s : view(starts))
     require(s >= 0 && s <= static_cast<double>(table.nodes()) - 1, "starts must lie on the curve");
+}
+
+// The best positions on the table.
+Result tabulated(const Search& search, const gmwm::WeightedTable& table, std::size_t count, std::size_t most,
+                 Vector starts) {
+  require_table(search, table, count, starts);
+  gmwm::Certified found;
+  {
+    nb::gil_scoped_release release;
+    found = search.tabulated(table, count, most, view(starts));
+  }
+  std::vector<double> positions;
+  for (const gmwm::Atom& atom : found.best.front().atoms) positions.push_back(atom.position);
+  return to_numpy(std::move(positions));
+}
+
+std::tuple<Found, double, double, double, std::size_t> solve(const Search& search, const gmwm::WeightedTable& table,
+                                                             std::size_t count, std::size_t most, Vector starts) {
+  require_table(search, table, count, starts);
   gmwm::Solved best;
   std::vector<int> acts;
   {
@@ -240,6 +258,8 @@ void bind_exponential(nb::module_& m) {
            "Find the global optimum: its objective, branches and coordinates of the places, weights, and ends as which "
            "they act; then the lower bounds of the search and of the relaxation, the objective on the table, and the "
            "number of nodes.")
+      .def("tabulated", &tabulated, "table"_a, "count"_a, "most"_a, "starts"_a.noconvert(),
+           "Find the places of the global optimum on the table, as positions in cells.")
       .def("follow", &follow, "branches"_a.noconvert(), "coordinates"_a.noconvert(), "ends"_a,
            "Find the local optimum next to places; if `ends`, also the ends as which they act.")
       .def("reweight", &reweight, "levels"_a.noconvert(), "data"_a.noconvert(), "segments"_a.noconvert(),

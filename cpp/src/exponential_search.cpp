@@ -353,10 +353,14 @@ Place WeightedTable::located(double position) const {
           nodes_[cell] + (position - static_cast<double>(cell)) * spacing_[cell]};
 }
 
+Certified ExponentialSearch::tabulated(const WeightedTable& table, std::size_t k, std::size_t most,
+                                       std::span<const double> starts) const {
+  return Cone(target_, fixed_, table.positive(), table.curve()).search(k, limits_.gap, most, starts);
+}
+
 Solved ExponentialSearch::solve(const WeightedTable& table, std::size_t k, std::size_t most,
                                 std::span<const double> starts) const {
-  Cone cone(target_, fixed_, table.positive(), table.curve());
-  const Certified certified = cone.search(k, limits_.gap, most, starts);
+  const Certified certified = tabulated(table, k, most, starts);
 
   Solved best;
   best.table = certified.best.front().objective;

@@ -69,7 +69,8 @@ const Complex* LagPieces::power(std::int64_t exponent) {
   key = exponent;
   const double n = static_cast<double>(exponent);
   for (std::size_t p = 0; p < size(); ++p) {
-    const double modulus = std::exp(-decay_[p].re * n), angle = decay_[p].im;
+    // e^-746 is zero, which takes `exp` long to find.
+    const double lost = decay_[p].re * n, modulus = lost > 746 ? 0.0 : std::exp(-lost), angle = decay_[p].im;
     if (angle == 0)
       values[p] = {modulus, 0};
     else if (real_[p])

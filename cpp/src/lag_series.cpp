@@ -2,8 +2,26 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace gmwm {
+
+namespace {
+
+constexpr std::int64_t few = 64;  // lags up to which powers are summed one by one, once for each number of them
+using Powers = std::array<double, 3 * degree_most + 3>;  // the sums of 0 to the highest power that is needed
+
+std::vector<Powers> few_sums() {
+  std::vector<Powers> all(static_cast<std::size_t>(few + 1));
+  for (std::int64_t n = 1; n <= few; ++n)
+    for (std::int64_t i = 0; i < n; ++i) {
+      double power = 1, ratio = static_cast<double>(i) / static_cast<double>(n);
+      for (double& sum : all[static_cast<std::size_t>(n)]) sum += power, power *= ratio;
+    }
+  return all;
+}
+
+}  // namespace
 
 Geometric near_one(Complex decay, double n) {
   const double square = n * n, m = n - 1;
@@ -18,12 +36,10 @@ Geometric near_one(Complex decay, double n) {
 
 void sums_of_powers(std::int64_t n, std::size_t highest, double* out) {
   const double size = static_cast<double>(n);
-  if (n <= 64) {
-    std::fill(out, out + highest, 0.0);
-    for (std::int64_t i = 0; i < n; ++i) {
-      double power = 1;
-      for (std::size_t r = 0; r < highest; ++r, power *= static_cast<double>(i) / size) out[r] += power;
-    }
+  if (n <= few) {
+    static const std::vector<Powers> known = few_sums();
+    const Powers& sums = known[static_cast<std::size_t>(n)];
+    std::copy(sums.begin(), sums.begin() + static_cast<std::ptrdiff_t>(highest), out);
     return;
   }
   // Euler and Maclaurin: B_2l / (2l)!.

@@ -111,7 +111,7 @@ class Sums {
   double echoed(const LagPiece& piece, LagCount count) const;
   double mixed(const LagPiece& piece, LagCount count);
   std::pair<double, double> spikes(const LagPiece& piece, LagCount count);
-  double with_table(const LagPiece& piece, const TablePiece& other, std::size_t table);
+  double with_table(const LagPiece& piece, std::size_t place, std::size_t table);
   void at(const LagPiece& piece, std::int64_t first, std::int64_t lags, std::vector<double>& out);
   // Calls a function with the lags at both ends of a piece that the spikes reach.
   template <class Function>
@@ -126,15 +126,19 @@ class Sums {
   std::int64_t samples_;
   std::span<const TableFactor> tables_;
   std::vector<TableProducts> with_tables_;
+  std::vector<LagTable::Values> ends_;  // of the tables, where the spikes reach
   Columns columns_;
   std::vector<Row> rows_;
   LagPiece piece_;
-  std::vector<double> values_, others_, products_;
+  std::vector<double> values_, products_;
 };
 
 Sums::Sums(const LagProcess& process, std::int64_t samples, std::span<const TableFactor> tables)
     : process_(process), samples_(samples), tables_(tables) {
-  for (const TableFactor& entry : tables) with_tables_.emplace_back(process_, *entry.table);
+  for (const TableFactor& entry : tables) {
+    with_tables_.emplace_back(process_, *entry.table);
+    ends_.push_back(process_.spikes() > 0 ? entry.table->ends(static_cast<std::int64_t>(process_.spikes())) : nullptr);
+  }
   std::vector<std::size_t> conjugate_of(process_.size());
   for (std::size_t q = 0; q < process_.size(); ++q) columns_.of.push_back(q), columns_.conjugate.push_back(false);
   for (std::size_t q = 0; q < process_.size(); ++q) {
@@ -373,7 +377,8 @@ std::pair<double, double> Sums::spikes(const LagPiece& piece, LagCount count) {
 }
 
 // Σ n(i) of the products with a table.
-double Sums::with_table(const LagPiece& piece, const TablePiece& other, std::size_t table) {
+double Sums::with_table(const LagPiece& piece, std::size_t place, std::size_t table) {
+  const TablePiece& other = tables_[table].table->piece(place);
   const bool spiked = process_.spikes() > 0;
   double total = 0;
   if (!other.values.empty()) {
@@ -385,13 +390,13 @@ double Sums::with_table(const LagPiece& piece, const TablePiece& other, std::siz
   }
   total = with_tables_[table].sum(piece, other, process_.power(piece.count));
   if (!piece.echoes.empty()) total += with_tables_[table].echo(piece, other);
-  if (spiked)
-    for_ends(piece.count, [&](std::int64_t first, std::int64_t lags) {
-      table_values(other, tables_[table].table->decays(), first, lags, others_);
-      for (std::int64_t i = 0; i < lags; ++i)
-        total += (other.pairs.at_start + other.pairs.step * static_cast<double>(first + i)) *
-                 others_[static_cast<std::size_t>(i)] * process_.spike(piece.start + first + i);
-    });
+  if (!spiked) return total;
+  const double* value = ends_[table]->data() + 2 * process_.spikes() * place;
+  for_ends(piece.count, [&](std::int64_t first, std::int64_t lags) {
+    for (std::int64_t i = 0; i < lags; ++i)
+      total += (other.pairs.at_start + other.pairs.step * static_cast<double>(first + i)) * *value++ *
+               process_.spike(piece.start + first + i);
+  });
   return total;
 }
 
@@ -420,8 +425,8 @@ void Sums::pair(std::int64_t h, std::int64_t g, std::size_t& place, double* firs
       product -= count.at_start * centre * centre;
     }
     for (std::size_t k = 0; k < tables_.size(); ++k) {
-      const TablePiece& other = tables_[k].table->piece(place);
-      product += 2 * tables_[k].factor * (2 * with_table(piece_, other, k) - centre * other.centre);
+      const double table_centre = tables_[k].table->piece(place).centre;
+      product += 2 * tables_[k].factor * (2 * with_table(piece_, place, k) - centre * table_centre);
     }
     ++place;
   }

@@ -14,6 +14,7 @@ namespace gmwm {
 namespace {
 
 constexpr std::int64_t few = 16;  // lags up to which their values are stored instead of sums
+constexpr std::size_t few_ends = 8;      // numbers of lags for which the values at the ends of pieces are kept
 constexpr std::size_t moments = degree_most + 2;
 constexpr double near = 0.2;      // |λ_a - λ_b| relative to λ_b, below which a sum may need a series (alike / slow)
 
@@ -112,6 +113,26 @@ GMWM_INLINE void multiply_inline(const double* columns, const double* constants,
 }
 constexpr Clones<multiply_inline> multiply{};
 
+// The values D(first + i), 0 <= i < lags, at the start or at the end of a piece.
+void table_values(const TablePiece& piece, std::span<const double> decays, std::int64_t first, std::int64_t lags,
+                  std::vector<double>& out) {
+  const LagPiece& from = piece.covariance;
+  const double n = static_cast<double>(piece.count);
+  out.assign(static_cast<std::size_t>(lags), 0.0);
+  for (std::int64_t i = 0; i < lags; ++i) {
+    const double t = static_cast<double>(first + i) / n;
+    double value = 0;
+    for (std::size_t r = from.degree + 1; r-- > 0;) value = value * t + from.polynomial[r];
+    out[static_cast<std::size_t>(i)] = value;
+  }
+  const double before = static_cast<double>(first), after = static_cast<double>(piece.count - first - lags);
+  for (std::size_t k = 0; k < from.active.size(); ++k) {
+    const double decay = decays[from.active[k]], z = std::exp(-decay);
+    double ahead = from.ahead[k].re * std::exp(-decay * before), behind = from.behind[k].re * std::exp(-decay * after);
+    for (std::size_t i = 0; i < out.size(); ++i, ahead *= z, behind *= z) out[i] += ahead, out[out.size() - 1 - i] += behind;
+  }
+}
+
 }  // namespace
 
 LagTable::LagTable(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& process)
@@ -141,23 +162,23 @@ LagTable::LagTable(std::span<const std::int64_t> levels, std::int64_t samples, b
     }
 }
 
-void table_values(const TablePiece& piece, std::span<const double> decays, std::int64_t first, std::int64_t lags,
-                  std::vector<double>& out) {
-  const LagPiece& from = piece.covariance;
-  const double n = static_cast<double>(piece.count);
-  out.assign(static_cast<std::size_t>(lags), 0.0);
-  for (std::int64_t i = 0; i < lags; ++i) {
-    const double t = static_cast<double>(first + i) / n;
-    double value = 0;
-    for (std::size_t r = from.degree + 1; r-- > 0;) value = value * t + from.polynomial[r];
-    out[static_cast<std::size_t>(i)] = value;
+LagTable::Values LagTable::ends(std::int64_t lags) const {
+  const std::lock_guard lock(turn_);
+  if (const auto found = ends_.find(lags); found != ends_.end()) return found->second;
+  const std::size_t width = 2 * static_cast<std::size_t>(lags);
+  std::vector<double> all(width * pieces_.size()), values;
+  for (std::size_t k = 0; k < pieces_.size(); ++k) {
+    const TablePiece& piece = pieces_[k];
+    if (!piece.values.empty()) continue;
+    const bool whole = piece.count <= 2 * lags;
+    table_values(piece, decays_, 0, whole ? piece.count : lags, values);
+    const auto out = std::copy(values.begin(), values.end(), all.begin() + static_cast<std::ptrdiff_t>(k * width));
+    if (whole) continue;
+    table_values(piece, decays_, piece.count - lags, lags, values);
+    std::copy(values.begin(), values.end(), out);
   }
-  const double before = static_cast<double>(first), after = static_cast<double>(piece.count - first - lags);
-  for (std::size_t k = 0; k < from.active.size(); ++k) {
-    const double decay = decays[from.active[k]], z = std::exp(-decay);
-    double ahead = from.ahead[k].re * std::exp(-decay * before), behind = from.behind[k].re * std::exp(-decay * after);
-    for (std::size_t i = 0; i < out.size(); ++i, ahead *= z, behind *= z) out[i] += ahead, out[out.size() - 1 - i] += behind;
-  }
+  if (ends_.size() == few_ends) ends_.clear();
+  return ends_[lags] = std::make_shared<const std::vector<double>>(std::move(all));
 }
 
 TableProducts::TableProducts(const LagPieces& process, const LagTable& table) : table_(table) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "gmwm/clones.hpp"
 #include "gmwm/dense.hpp"
@@ -145,6 +146,32 @@ void NonNegative::solve(std::span<const double* const> columns, std::vector<doub
     passive_.push_back(best);
   }
   objective_ = dot(residual_.data(), residual_.data(), n);
+}
+
+bool often_near(std::span<const double> data, std::span<const double> limits, std::span<const double> columns,
+                double most) {
+  const std::size_t n = limits.size();
+  if (n == 0) return most < 0;
+  const std::size_t dim = data.size() / n;
+  std::vector<const double*> pointers;
+  for (std::size_t k = 0; k < columns.size(); k += dim) pointers.push_back(&columns[k]);
+  std::vector<std::size_t> open(n);
+  std::iota(open.begin(), open.end(), std::size_t{0});
+  std::vector<double> weights(pointers.size(), 0.0);
+  while (most >= 0 && most < static_cast<double>(open.size())) {
+    // The weights of the last row are a good start.
+    NonNegative solver(data.subspan(open.front() * dim, dim));
+    solver.solve(pointers, weights);
+    if (solver.objective() <= limits[open.front()]) most -= 1;
+    // No column has a positive product with this residual, so its product with other data bounds their distance.
+    const auto residual = solver.residual();
+    open.erase(open.begin());
+    std::erase_if(open, [&](std::size_t i) {
+      const double along = std::max(dot(&data[i * dim], residual.data(), dim), 0.0);
+      return along * along > limits[i] * solver.objective();
+    });
+  }
+  return most < 0;
 }
 
 void NonNegative::project_out(std::span<double> vector) const {

@@ -56,6 +56,19 @@ void test_nonnegative() {
   CHECK(std::abs(solver.objective() - 1) < 1e-15);  // objective of the projection
 }
 
+// Rows of data at known distances from the cone of two columns: the answer changes at the true number of near ones.
+void test_often_near() {
+  const std::vector<double> columns{1, 0, 0, 0.6, 0.8, 0};
+  std::vector<double> data, limits;
+  for (int i = 0; i < 40; ++i) {
+    const double height = 0.1 * i;
+    data.insert(data.end(), {2.0 + i % 3, 1.0, height});
+    limits.push_back(1.1);  // reached up to the height 1
+  }
+  for (int most = 0; most < 40; ++most) CHECK(gmwm::often_near(data, limits, columns, most) == (most < 11));
+  CHECK(!gmwm::often_near({}, {}, columns, 0) && gmwm::often_near(data, limits, columns, -1));
+}
+
 void test_curve(const Tabulated& t, gmwm::Curve& curve) {
   double worst = 0;
   std::vector<double> value(dim);
@@ -116,6 +129,7 @@ int main() {
     const std::vector<double> z(dim, 1.0);
     gmwm::Curve curve(dim, t.values, t.slopes, t.margins, z);
     test_nonnegative();
+    test_often_near();
     test_curve(t, curve);
     test_search(t, curve);
   });

@@ -89,11 +89,12 @@ void compare(const Process& left, const Process& right, double tolerance) {
 }
 
 void elementary() {
-  Process white, walk, spikes;
-  white.white = 1.5, walk.walk = 0.3, spikes.spikes = {1, -0.5, 0.25};
+  Process white, walk, spikes, many;
+  white.white = 1.5, walk.walk = 0.3, spikes.spikes = {1, -0.5, 0.25}, many.spikes.assign(12, 0.1);
   for (const Process& process : {white, walk, spikes}) compare(process, process, 1e-13);
   compare(white, walk, 1e-13);
   compare(spikes, walk, 1e-13);
+  compare(many, walk, 1e-13);
   compare(walk, white, 1e-13);
 }
 

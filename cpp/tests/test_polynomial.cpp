@@ -25,5 +25,20 @@ int main() {
         CHECK(std::abs(static_cast<long double>(x[i]) - expected) < 1e-14L);
       }
     }
+
+    // T_k(cos a) = cos ka, in columns whose coefficients differ.
+    for (const std::size_t width : {1u, 19u, 70u}) {
+      constexpr std::size_t degree = 30, rows = 7;
+      std::vector<double> terms((degree + 1) * width), places(rows * width), sums(places.size());
+      for (std::size_t i = 0; i < terms.size(); ++i) terms[i] = std::sin(1.3 * static_cast<double>(i));
+      for (std::size_t i = 0; i < places.size(); ++i) places[i] = std::cos(0.1 * static_cast<double>(i));
+      gmwm::chebyshev(terms, places, width, sums);
+      for (std::size_t i = 0; i < sums.size(); ++i) {
+        double expected = 0;
+        for (std::size_t k = 0; k <= degree; ++k)
+          expected += terms[k * width + i % width] * std::cos(static_cast<double>(k) * std::acos(places[i]));
+        CHECK(std::abs(sums[i] - expected) < 1e-11);
+      }
+    }
   });
 }

@@ -81,21 +81,22 @@ def test_a_job_that_waits_for_another_one_shares_its_end():
 
     def slow(job):
         job.step("half", 1, 2)
-        go.wait(5)
+        go.wait(60)
         job.step("end")
         return 3
 
     first = jobs.ask("first", 0, "First", slow)
     second = jobs.ask("second", 0, "Second", lambda job: 2 * first.result_for(job))
-    time.sleep(0.2)
-    assert (second.state, second.text) == ("running", "First: half")
+    while second.text != "First: half":
+        time.sleep(0.01)
+    assert second.state == "running"
     go.set()
-    assert second.join(5)
+    assert second.join(60)
     assert second.value == 6
     cancelled = jobs.ask("first", 1, "First", lambda job: time.sleep(0.3))
     waiting = jobs.ask("second", 1, "Second", lambda job: cancelled.result_for(job))
     cancelled.cancel()
-    assert waiting.join(5)
+    assert waiting.join(60)
     assert waiting.state == "cancelled"
 
 

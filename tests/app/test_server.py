@@ -43,7 +43,7 @@ def ask(served, path="", method="GET", body=None, **headers):
     """Status, headers and body of the answer to a request; a header that is None is not sent."""
     url = urlsplit(served.url)
     own = {"Host": url.netloc, "Origin": f"http://{url.netloc}"} | headers
-    connection = HTTPConnection(url.hostname, url.port, timeout=10)
+    connection = HTTPConnection(url.hostname, url.port, timeout=100)
     connection.putrequest(method, url.path + path, skip_host=True)
     for name, value in own.items():
         if value is not None:
@@ -101,7 +101,7 @@ def test_a_request_with_a_wrong_token_is_refused(served):
     other = token[:-1] + ("a" if token[-1] != "a" else "b")
     for path in ("/", "/_dash-layout", f"/{other}/", f"/{token}x/", f"/{token[:-1]}/", "//"):
         for method in ("GET", "POST"):
-            connection = HTTPConnection(url.hostname, url.port, timeout=10)
+            connection = HTTPConnection(url.hostname, url.port, timeout=100)
             connection.request(method, path, b"{}", host)
             assert connection.getresponse().status == 403, path
 
@@ -194,10 +194,10 @@ def test_a_signal_ends_the_command_and_removes_its_folder(folder, tmp_path, numb
         url = urlsplit(app.stdout.readline().strip())
         assert url.hostname == "127.0.0.1"
         assert len(list(Path(tmp_path).glob("gmwm-app-*"))) == 1
-        connection = HTTPConnection(url.hostname, url.port, timeout=10)
+        connection = HTTPConnection(url.hostname, url.port, timeout=100)
         connection.request("GET", url.path)
         assert connection.getresponse().status == 200
         app.send_signal(number)
-        _, said = app.communicate(timeout=20)
+        _, said = app.communicate(timeout=200)
     assert (app.returncode, said) == (code, f"{word}\n")
     assert list(Path(tmp_path).iterdir()) == []

@@ -87,6 +87,7 @@ def test_a_guest_adds_values_remarks_and_a_paragraph(guest):
     assert gmwm.Calibration.from_dict(document).to_dict() == calibration.to_dict()
 
 
+@pytest.mark.slow
 def test_a_document_without_the_guest_loses_its_value_only(calibration):
     content = calibration.to_dict()
     content["axes"]["gyro_x"]["peak"] = 1.0

@@ -442,6 +442,7 @@ def test_a_common_change_of_all_axes_is_found_that_no_axis_shows():
     assert found.verdict.facts["differing"] == 1
 
 
+@pytest.mark.slow
 def test_the_test_of_a_sensor_has_its_size():
     generator = np.random.default_rng(5)
     named = []
@@ -470,6 +471,7 @@ def test_recordings_without_a_common_axis_have_no_factor():
     assert agree([{"gyro_x": sheet(point("K", 1.0, 0.1))}] * 2).sensors == (), "one axis is its own test"
 
 
+@pytest.mark.slow
 def test_the_test_of_a_sensor_whose_axes_share_noise_has_its_size():
     generator = np.random.default_rng(6)
     shared = np.full((3, 3), 0.6) + 0.4 * np.eye(3)

@@ -190,6 +190,7 @@ def test_a_part_of_the_wrong_kind_is_an_error_that_names_it(calibration, path):
         Calibration.from_dict(changed(calibration, path, wrong))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "value", "facts"),
     [

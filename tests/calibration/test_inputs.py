@@ -28,6 +28,7 @@ def _spoilt(kind):
     return x * 180 / np.pi * 2 if kind == "unit-doubtful:density" else x + 1e-3 * (time > 200)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["coarse-output", "warm-up:large", "axis-stuck", "unit-doubtful:density", "fault-undone:jumps"]
 )

@@ -174,6 +174,7 @@ def test_files_without_names_are_numbered(days):
     assert codes(named.remarks).count("recordings-differ:numbers") == 1
 
 
+@pytest.mark.slow
 def test_recordings_together_are_worse_than_each_alone_only_if_they_differ():
     # A Gauss-Markov process is right for each recording, and no Gauss-Markov process is right for their mean.
     rate, samples = 50.0, 100_000

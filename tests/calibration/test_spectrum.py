@@ -103,6 +103,7 @@ def test_no_spectrum_of_a_wavelet_variance():
     assert "lines:found" not in codes(found)
 
 
+@pytest.mark.slow
 def test_a_peak_of_an_oscillation_of_the_model_is_no_line():
     truth = "WN(sigma2=4e-6) + OSC(frequency=0.4, quality=40, sigma2=1e-6)"
     found = gmwm.calibrate(gmwm.simulate({"gyro_x": truth}, rate=50.0, samples=60_000, rng=3))
@@ -112,6 +113,7 @@ def test_a_peak_of_an_oscillation_of_the_model_is_no_line():
     assert [code for code in codes(found) if code.startswith("lines")] == ["lines:inside"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("power", "times"), [(4e-7, None), (1.2e-6, 1.18), (1e-5, 2.08)])
 def test_an_oscillation_inside_n_is_named(power, times):
     """An oscillation of 0.56 Hz raises N of the white noise by 6, 18 and 108 %; below a tenth, nothing is said."""

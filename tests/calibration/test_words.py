@@ -223,6 +223,7 @@ def test_scales_that_gaps_hide_get_a_remark(imu):
     assert apart["scale"].value < whole["scale"].value
 
 
+@pytest.mark.slow
 def test_lines_are_named_by_their_frequency_the_strongest_first():
     rng, t = np.random.default_rng(1), np.arange(50_000) / 100.0
     lines = {7.3: 5e-4, 21.1: 1e-3, 33.7: 2.5e-4}

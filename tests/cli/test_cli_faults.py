@@ -97,7 +97,7 @@ def let_signals_in():
 def test_a_signal_leaves_no_files(recording, tmp_path, number, module, name):
     """Whenever it comes, from the reading to the renaming of the files."""
     script = STRUCK.format(module=module, name=name, number=int(number))
-    words = ["calibrate", recording, "--axis", "gyro", "--within", "WN + RW", "--output", tmp_path / "out"]
+    words = ["calibrate", recording, "--axis", "gyro_x", "--within", "WN + RW", "--output", tmp_path / "out"]
     done = subprocess.run(
         [sys.executable, "-c", script, *map(str, words)], capture_output=True, preexec_fn=let_signals_in, check=False
     )
@@ -118,6 +118,7 @@ start()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("when", ["typer.main.get_command = strike", "atexit.register(strike)"])
 def test_a_signal_before_and_after_a_command_ends_the_process(number, when):

@@ -31,6 +31,7 @@ def test_unknown_filter_is_one_line(gmwm, recording):
     assert "d4" in outcome.err
 
 
+@pytest.mark.slow
 def test_moments_of_fit_are_the_library_s(gmwm, recording):
     options = ("--axis", "gyro_y", "--model", "WN + RW", "--moments", "haar + lags:2")
     content = gmwm("fit", recording, *options, "--json").json["axes"]["gyro_y"]

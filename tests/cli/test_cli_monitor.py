@@ -6,7 +6,6 @@ import json
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -98,29 +97,32 @@ def test_standard_input(folder):
 
 
 @pytest.mark.slow
-def test_a_process_writes_a_growing_file_with_a_fault_and_the_command_reports_it(folder, tmp_path):
+def test_a_growing_file_with_a_fault_is_followed_and_reported(folder, tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     lines = (folder / "bad.csv").read_text().splitlines(keepends=True)
-    writer = (
-        "import sys, time\n"
-        f"lines = open({str(folder / 'bad.csv')!r}).readlines()\n"
-        f"file = open({str(path)!r}, 'w')\n"
-        "for k in range(0, len(lines), 500):\n"
-        "    file.write(''.join(lines[k : k + 500])); file.flush(); time.sleep(0.02)\n"
-    )
+    pieces = iter(["".join(lines[k : k + 500]) for k in range(0, len(lines), 500)])
+
+    class Clock:
+        """Only waiting moves it. While the command waits, the file grows."""
+
+        now = 0.0
+
+        def monotonic(self):
+            return self.now
+
+        def sleep(self, seconds):
+            self.now += seconds
+            with path.open("a") as file:
+                file.write(next(pieces, ""))
+
+    monkeypatch.setattr(growing_files, "time", Clock())
     path.write_text("")
-    with subprocess.Popen([sys.executable, "-c", writer]) as process:
-        time.sleep(0.1)
-        command = [
-            sys.executable, "-m", "gmwm", "monitor", str(path), "--follow", "--idle", "3s", "--from-fits", str(folder),
-            "--json",
-        ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert process.wait() == 0
-    assert done.returncode == 1, done.stderr
-    *events, last = done.stdout.splitlines()
+    found = invoke(path, "--follow", "--idle", "3s", "--from-fits", folder, "--json")
+    assert found.exit_code == 1, found.stderr
+    *events, last = found.stdout.splitlines()
     assert kinds(events) == [("jump", "gyro_x"), ("noise-up", "gyro_y")]
     assert json.loads(last)["samples"] == len(lines) - 1
+    assert next(pieces, None) is None
 
 
 @pytest.mark.slow

@@ -182,7 +182,7 @@ def test_a_closed_pipe_ends_quietly(recording, arguments):
     assert process.stderr is not None
     assert process.stderr.read() == b""
     process.stderr.close()
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
 
 
 @POSIX
@@ -196,7 +196,7 @@ def test_ctrl_c(tmp_path):
     assert process.stdout is not None
     assert b"Simulated" in process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (130, b"interrupted\n")
     assert [path.name for path in tmp_path.iterdir()] == ["imu.csv"]
 
@@ -213,7 +213,7 @@ def test_ctrl_c_stops_a_calibration(tmp_path):
     # The demo prints the inspection before the calibration.
     assert any(b"accel_z" in line for line in iter(process.stdout.readline, b""))
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert (process.returncode, err) == (130, b"interrupted\n")
     assert b"Calibration of" not in out
     assert [path.name for path in tmp_path.iterdir()] == ["imu.csv"]

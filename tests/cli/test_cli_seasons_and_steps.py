@@ -39,6 +39,7 @@ def series(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_coefficients_are_covered():
     inside = dict.fromkeys(TRUTH, 0)
     for seed in range(100, 130):
@@ -51,6 +52,7 @@ def test_coefficients_are_covered():
     assert min(inside.values()) >= 26  # binomial (30, 0.95): below with a probability of 0.3 %
 
 
+@pytest.mark.slow
 def test_the_shell_prints_a_rate_per_year_and_a_step_in_a_gap(gmwm, series):
     parts = ("--against", "time", "--against", "season:1y", "--against", "step:2019-06-24")
     regression = gmwm("fit", series, *OPTIONS, *parts, "--json").json["axes"]["accel_x"]
@@ -65,6 +67,7 @@ def test_the_shell_prints_a_rate_per_year_and_a_step_in_a_gap(gmwm, series):
     assert "step:2000d" in joined.out
 
 
+@pytest.mark.slow
 def test_a_table_of_dates_needs_the_name_and_the_unit_of_its_height(gmwm, tmp_path):
     values, present = _series(3)
     days = np.datetime64("2014-01-01") + np.flatnonzero(present)
@@ -87,6 +90,7 @@ def test_a_table_of_dates_needs_the_name_and_the_unit_of_its_height(gmwm, tmp_pa
         assert gmwm(command, path, *reading).code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["info", "select"])
 def test_other_commands_take_them_too(gmwm, series, command):
     within = ("--within", "WN + FN") if command == "select" else ()

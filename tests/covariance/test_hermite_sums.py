@@ -40,6 +40,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_powers_against_sums_in_many_digits(name):
     samples, levels = 300, np.arange(1, 8)
@@ -68,6 +69,7 @@ def test_powers_against_sums_in_many_digits(name):
 BESIDE = "WN(sigma2=0.5) + RW(gamma2=1e-6) + FN(b2=1e-3) + QN(q2=0.1)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [1e-6, 1e-4, 1 / 256, 0.0311, 0.25, 0.49])
 @pytest.mark.parametrize("quality", [1e2, 1e6])
 def test_every_quality_against_sums_over_all_lags(frequency, quality):

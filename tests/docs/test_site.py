@@ -225,7 +225,7 @@ FIRST = {
 def found_by(page, site, words):
     """Where the results of a search lead, in their order."""
     page.goto(f"{(site / 'search.html').as_uri()}?q={quote(words)}")
-    page.wait_for_selector("#search-results li a", timeout=10_000)
+    page.wait_for_selector("#search-results li a", timeout=60_000)
     page.wait_for_function("document.querySelector('#search-results .search-summary')?.textContent.includes('found')")
     links = page.locator("#search-results > ul > li > a").evaluate_all(
         "links => links.map(a => a.getAttribute('href'))"

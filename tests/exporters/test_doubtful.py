@@ -85,6 +85,7 @@ def refused_by_table(calibration):
     }
 
 
+@pytest.mark.slow
 def test_a_file_refuses_the_numbers_that_the_table_refuses(units):
     """For every message, on one axis, on one sensor and on the recording."""
     unit, kinds = units["quantized"], set()

@@ -64,10 +64,10 @@ def test_units_with_lost_samples_have_the_calibrations_of_calibrate(tmp_path):
     folder.mkdir()
     for unit in range(3):
         rng = np.random.default_rng(unit)
-        times = np.arange(12_000) / 100.0
+        times = np.arange(6_000) / 100.0
         kept = rng.random(times.size) > (0.001, 0.01, 0.05)[unit]
-        kept[5000:5020] = False
-        kept[8000 : 8000 + 600 * unit] = False
+        kept[2500:2520] = False
+        kept[4000 : 4000 + 300 * unit] = False
         x = rng.normal(size=(times.size, 2)) + np.cumsum(0.01 * rng.normal(size=(times.size, 2)), axis=0)
         np.savetxt(
             folder / f"{unit}.csv", np.column_stack([times, x])[kept], delimiter=",", fmt="%.9g", comments="",

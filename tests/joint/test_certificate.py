@@ -75,9 +75,9 @@ def test_a_proof_ends_at_its_time_limit_and_says_that_it_proves_nothing():
     for k in range(1, 8000):
         slow[k] += 0.98 * slow[k - 1]
     x = {axis: values + share * slow for (axis, values), share in zip(x.items(), (0.3, -0.2), strict=True)}
-    begin = time.monotonic()
+    begin = time.process_time()
     short = fit_joint("shared(GM) + WN", x, RATE, certify=1e-9)
-    assert time.monotonic() - begin < 30
+    assert time.process_time() - begin < 30
     assert 0 <= short.lower_bound < short.objective
     assert not short.proved
     assert "does not prove" in short.summary()

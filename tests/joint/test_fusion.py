@@ -273,6 +273,7 @@ def test_arrays_of_the_axes_of_an_imu_have_si_units():
     assert [nameless[axis].unit for axis in nameless.axes] == [""]
 
 
+@pytest.mark.slow
 def test_a_recording_in_motion_has_a_remark():
     """Larger models have no weights under motion, so the smallest one remains, and its test rejects it."""
     rng = np.random.default_rng(1)

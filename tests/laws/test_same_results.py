@@ -35,12 +35,14 @@ def test_kernels_of_the_blas_print_the_same(tmp_path):
     assert "WN" in texts.pop()
 
 
+@pytest.mark.slow
 def test_any_number_of_threads_gives_the_same_document():
     imu = recording(2)
     first, *others = (gmwm.calibrate(imu, within="GM + WN + RW", threads=threads).to_dict() for threads in (1, 2, 5))
     assert all(other == first for other in others)
 
 
+@pytest.mark.slow
 def test_any_order_of_recordings_prints_the_same_numbers():
     names = {"monday": recording(3), "tuesday": recording(4), "friday": recording(5)}
     texts = []

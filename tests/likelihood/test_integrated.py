@@ -56,6 +56,7 @@ def test_intervals_of_a_seasonal_forecast_contain_the_series():
     assert result.fit.parameters["SARMA(0,1,0,1,12).theta1"] == pytest.approx(-0.4, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_seasonal_difference_misses_only_what_it_needs():
     x = airline(200, 1)
     x[60] = np.nan

@@ -114,6 +114,7 @@ def test_gaps() -> None:
     assert result["gyro_x"].verdict == "consistent"
 
 
+@pytest.mark.slow
 def test_intervals_cover() -> None:
     """95 % intervals of 80 recordings of Gauss-Markov noise, which N and K do not describe at 60 s."""
     rng, decay, inside, ratios = np.random.default_rng(7), math.exp(-1 / 150.0), [], []

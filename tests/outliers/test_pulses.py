@@ -34,12 +34,13 @@ def popcorn(rng: np.random.Generator, size: float, duration: float, share: float
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shortest", "longest", "size", "period"),
     [
         (5, 5, (30.0, 30.0), 6000), (4, 4, (60.0, 60.0), 6000), (7, 7, (30.0, 30.0), 3000), (20, 50, (5.0, 5.0), 6000),
         (20, 50, (5.0, 10.0), 6000), (20, 50, (8.0, 8.0), 1000), (5, 5, (7.0, 8.0), 6000), (8, 8, (5.0, 5.0), 3000),
-        (30, 30, (3.2, 3.2), 1000),
+        (30, 30, (3.2, 3.2), 1000), (7, 7, (5.5, 5.5), 4000), (8, 10, (4.8, 4.8), 3000),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("signs", [[1], [-1, 1]])
@@ -51,6 +52,16 @@ def test_pulses_are_replaced(
     assert two_levels_of(x) is None
     assert len(result.knocks) == pytest.approx(SAMPLES / period, rel=0.1)
     assert np.std(result.signal.values) == pytest.approx(1.0, abs=0.01)
+
+
+def test_pulses_at_both_ends_are_replaced() -> None:
+    x = pulses(np.random.default_rng(4), 20, 30, (6.0, 6.0), 3000, [1])
+    x[:37] += 6.0
+    x[-30:] += 6.0
+    result = cleaned(Signal(x, rate=RATE))
+    assert result.knocks[0, 0] == 0
+    assert result.knocks[-1, 1] == SAMPLES
+    assert abs(result.signal.values[:30].mean()) < 0.7
 
 
 @pytest.mark.parametrize("seed", range(3))

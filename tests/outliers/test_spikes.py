@@ -130,6 +130,7 @@ def test_a_spike_of_any_size_is_found(size):
     assert find_spikes(Signal(x, RATE)).indices.tolist() == [500]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.003, 0.01, 0.03])
 def test_the_small_ones_of_a_power_law_are_estimated_from_the_large_ones(share):
     rng, n = np.random.default_rng(4), 200_000

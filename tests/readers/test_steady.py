@@ -165,6 +165,7 @@ def test_lost_samples_of_a_rate_that_drifts_are_found(course, jitter):
     assert len(gaps) == 20
 
 
+@pytest.mark.slow
 @each("size", [100, 1000, 20_000])
 @each("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
 def test_a_steady_rate_does_not_drift(name, size):
@@ -187,6 +188,7 @@ def test_jitter_is_not_called_rounding():
     assert causes == {"free", "spaced"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.005, 0.01])
 def test_a_live_clock_takes_rounded_stamps_row_by_row(step):
     stamps = np.round(np.floor((np.arange(1500) / 137 + 0.0031) / step) * step, 3)

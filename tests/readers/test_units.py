@@ -160,6 +160,7 @@ def moving(unit, size=2000, rate=100.0, seed=4):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad/s", "deg/s"])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_question_for_the_unit_of_gyroscopes_is_judged_on_quiet_parts_and_turns(tmp_path, unit, seed):

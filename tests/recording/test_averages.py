@@ -27,6 +27,7 @@ def _cic(length, size, seed=0):
     return x[:size] + np.cumsum(faults.WALK * rng.normal(size=size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [8, 16, 32])
 def test_the_noise_behind_a_steep_filter_is_averaged(length):
     x = _cic(length, 120_000)
@@ -48,6 +49,7 @@ def test_a_filter_with_a_memory_of_seconds_is_averaged_to_its_rate():
     assert number.low < faults.WHITE / RATE**0.5 < number.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [32, 64])
 def test_means_of_filtered_noise_are_white(length, tmp_path):
     recording = _imu(_cic(length, 600_000, seed=3))
@@ -103,6 +105,7 @@ def test_means_do_not_extend_across_gaps_and_do_not_depend_on_chunks(tmp_path):
     assert [len(part.runs) for part in parts].count(2) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.1, 0.4, 1.0])
 def test_rounding_does_not_hide_a_steep_filter(step):
     x = _cic(64, 240_000, seed=4)

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.recording.repairs import repaired
 from gmwm.recording.repairs.patterns import modulus_of, two_levels_of
-from gmwm.recording.repairs.repeats import repeats, repeats_of
+from gmwm.recording.repairs.repeats import held_by_chance, repeats, repeats_of
 from tests.helpers import codes, only
 
 RATE = 100.0
@@ -35,6 +36,7 @@ def _low_pass(x, share):
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.0, 1e-4, 7e-4, 3e-3])
 @pytest.mark.parametrize("share", [1.0, 0.3, 0.05])
 def test_a_clean_recording_is_not_changed(step, share):
@@ -130,6 +132,54 @@ def test_holds_of_one_axis_are_gaps(step, length):
     assert all(len(other) == x.size for other in parts if other is not part)
 
 
+def _held(x, longest, share, seed):
+    """Hold values for 1 to `longest` samples more, in a share of the time; also return which samples are held."""
+    rng, held = np.random.default_rng(seed), np.zeros(x.size, dtype=bool)
+    for first in rng.integers(1, x.size, round(2 * share * x.size / (1 + longest))):
+        held[first : first + int(rng.integers(1, longest + 1))] = True
+    return x[np.maximum.accumulate(np.where(held, 0, np.arange(x.size)))], held
+
+
+@pytest.mark.parametrize("step", [1e-5, 5e-4, 1.6e-3])
+@pytest.mark.parametrize(("longest", "share"), [(1, 0.2), (50, 0.05), (50, 0.4)])
+@pytest.mark.parametrize("together", [False, True])
+def test_held_values_of_any_output_are_gaps(step, longest, share, together):
+    x, y = (np.round(_noise(seed, 60_000) / step) * step for seed in (21, 22))
+    values, held = _held(x, longest, share, 23)
+    parts = repaired(_imu(values, gyro_y=_held(y, longest, share, 23)[0] if together else y))
+    part = next(part for part in parts if "gyro_x" in part.axes)
+    assert {"fault-undone:repeated", "fault-undone:frozen"} & _codes(part)
+    assert x.size - len(part) == pytest.approx(np.count_nonzero(held), rel=0.15)
+    assert all(len(other) == x.size for other in parts if "gyro_x" not in other.axes) or together
+    # The correlation of neighbours over short gaps is that of the sensor.
+    left = part["gyro_x"].values
+    pairs = [left[a:b] for a, b in part["gyro_x"].segments if b - a > 1]
+    products = sum(float((run[1:] - left.mean()) @ (run[:-1] - left.mean())) for run in pairs)
+    assert abs(products / sum(run.size - 1 for run in pairs) / left.var()) < 0.02
+
+
+@pytest.mark.parametrize("step", [0.2, 0.7, 1.5, 2.5])
+@pytest.mark.parametrize("kind", ["white", "one pole", "mean of 3", "tails", "slow", "counter", "line"])
+def test_equal_neighbours_by_chance_are_not_held(step, kind):
+    for seed in range(3):
+        rng = np.random.default_rng((31, seed))
+        x, at = rng.normal(size=40_000), np.arange(40_000)
+        if kind == "one pole":
+            x = lfilter([1], [1, -rng.uniform(0.1, 0.95)], x)
+        elif kind == "mean of 3":
+            x = np.convolve(x, np.ones(3), "same")
+        elif kind == "tails":
+            x = rng.standard_t(3, size=x.size)
+        elif kind == "slow":
+            x += np.cumsum(rng.normal(size=x.size)) * 10 ** rng.uniform(-3, -1.5)
+        elif kind == "counter":
+            x = 0.5 * x + np.diff(rng.normal(size=x.size + 1))
+        elif kind == "line":
+            x += rng.uniform(0.3, 2) * np.sin(2 * np.pi * 10 ** rng.uniform(-3, -0.4) * at)
+        output = np.round(x / np.std(x) / step) * step
+        assert held_by_chance([output], repeats([output], np.array([0]))) is None
+
+
 def test_axes_that_repeat_at_different_times_are_divided():
     x, y = _noise(13), _noise(14)
     x[100::50], y[120::50] = x[99:-1:50], y[119:-1:50]
@@ -209,9 +259,11 @@ def test_a_filtered_coarse_output_does_not_repeat():
         assert repeats_of([coarse], repeats([coarse], np.array([0]))) is None
 
 
-def test_chunks_give_the_same_samples(tmp_path):
+@pytest.mark.parametrize("step", [0.0, 8e-4])
+def test_chunks_give_the_same_samples(tmp_path, step):
     rng, x = np.random.default_rng(8), _noise(8, 60_000)
-    lost = rng.random(x.size) < 0.02
+    x = np.round(x / step) * step if step else x
+    lost = rng.random(x.size) < (0.1 if step else 0.02)
     lost[0] = False
     x = x[np.maximum.accumulate(np.where(lost, 0, np.arange(x.size)))]
     _imu(x).write(tmp_path / "log.csv")

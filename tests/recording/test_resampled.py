@@ -18,6 +18,7 @@ def _resampled(share, seed=0):
     return np.interp((np.arange(SIZE) + rng.uniform()) * share, np.arange(SIZE), x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1234, 0.3, 0.48, 0.625, 0.7071, 0.94])
 def test_the_rate_of_the_slower_log_is_found(share):
     assert slower_rate(_resampled(share)) == pytest.approx(share, abs=1e-4)
@@ -28,12 +29,14 @@ def test_a_rounded_output_does_not_hide_the_straight_lines():
     assert slower_rate(np.round(x / 2e-4) * 2e-4) == pytest.approx(0.625, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*faults.CLEAN, "dithered", "cic", "student_2.5", "telegraph"])
 def test_other_recordings_were_not_resampled(kind):
     make = {**faults.CLEAN, **faults.FAULTS}[kind]
     assert not any(slower_rate(make(8_000, np.random.default_rng(seed))) for seed in range(5))
 
 
+@pytest.mark.slow
 def test_a_remark_names_the_rate_and_n_is_right():
     share = 0.625
     calibration = gmwm.calibrate(Imu({"gyro_x": Signal(_resampled(share), 100.0, "rad/s", axis="gyro_x")}))

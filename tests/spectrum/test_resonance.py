@@ -16,6 +16,7 @@ def _resonances(x):
     return [resonance_of(spectrum, peak, [other for other in peaks if other is not peak]) for peak in peaks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.5, 8.0, 30.0])
 @pytest.mark.parametrize("quality", [10.0, 400.0, 3000.0])
 def test_the_quality_of_an_oscillator_is_found_below_the_resolution_too(frequency, quality):
@@ -27,6 +28,7 @@ def test_the_quality_of_an_oscillator_is_found_below_the_resolution_too(frequenc
     assert abs(np.log(resonance.variance / 9.0)) < 0.05 + 4 / np.sqrt(np.pi * periods)
 
 
+@pytest.mark.slow
 def test_a_sinusoid_in_noise_has_no_width():
     times = np.arange(SAMPLES // 4) / RATE
     for seed in range(40):

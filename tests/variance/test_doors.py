@@ -58,6 +58,7 @@ def test_segments_are_pooled_by_their_numbers_of_differences(curve, clusters):
     assert pooled.degrees_of_freedom[0] == pytest.approx(whole.degrees_of_freedom[0], rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_limits_of_pooled_segments_contain_the_truth():
     """White noise of variance 1 in four segments: the 90 % limits of the Allan variance contain 1/n."""
     inside = np.zeros(6)

@@ -92,6 +92,9 @@ class ExponentialSearch {
   // The global optimum with at most k places, by at most `most` nodes; `starts`: positions of additional searches.
   Solved solve(const WeightedTable& table, std::size_t k, std::size_t most, std::span<const double> starts) const;
 
+  // The same on the table, without refinement on the exact curve.
+  Certified tabulated(const WeightedTable& table, std::size_t k, std::size_t most, std::span<const double> starts) const;
+
   // The local optimum next to the optimum of a problem with other weights.
   Optimum followed(const std::vector<Place>& places) const;
 

@@ -5,6 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -29,6 +32,8 @@ struct TablePiece {
 
 class LagTable {
  public:
+  using Values = std::shared_ptr<const std::vector<double>>;
+
   // `process` has only real decays, and no spikes.
   LagTable(std::span<const std::int64_t> levels, std::int64_t samples, bool diagonal, const LagProcess& process);
 
@@ -37,6 +42,8 @@ class LagTable {
   bool diagonal() const { return diagonal_; }
   const std::vector<double>& decays() const { return decays_; }
   const TablePiece& piece(std::size_t place) const { return pieces_[place]; }
+  // For each piece, D at the first and then at the last `lags` lags, or at all lags if there are fewer. They are kept.
+  Values ends(std::int64_t lags) const;
 
  private:
   std::vector<std::int64_t> levels_;
@@ -44,6 +51,8 @@ class LagTable {
   bool diagonal_;
   std::vector<double> decays_;
   std::vector<TablePiece> pieces_;
+  mutable std::map<std::int64_t, Values> ends_;
+  mutable std::mutex turn_;
 };
 
 // Constants of the products of the exponentials of a process with those of a table.
@@ -68,9 +77,5 @@ class TableProducts {
   const LagTable& table_;
   std::vector<Row> rows_;
 };
-
-// The values D(first + i), 0 <= i < lags, at the start or at the end of a piece of the table.
-void table_values(const TablePiece& piece, std::span<const double> decays, std::int64_t first, std::int64_t lags,
-                  std::vector<double>& out);
 
 }  // namespace gmwm

@@ -42,4 +42,8 @@ class NonNegative {
   std::vector<char> blocked_;
 };
 
+// Whether, of the rows of `data`, more than `most` have a squared distance of at most their limit from the nearest sum of
+// rows of `columns` with non-negative weights. Rows of the data whose answer is most likely positive should be first.
+bool often_near(std::span<const double> data, std::span<const double> limits, std::span<const double> columns, double most);
+
 }  // namespace gmwm

@@ -10,7 +10,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar, copy_context
 from functools import cache, wraps
@@ -49,25 +49,32 @@ def check_stop() -> None:
 
 def in_threads(
     work: Callable[[str, Item], T], items: Mapping[str, Item], *, threads: int | None = None,
-    done: Callable[[str], None] | None = None,
+    done: Callable[[str], None] | None = None, more: Callable[[str, T], Mapping[str, Item]] | None = None,
 ) -> dict[str, T]:  # fmt: skip
     """Call a function for each entry in parallel threads (one per processor by default), and `done` here after each.
+    `more` returns further entries, for which the function is called too; the last result of a name counts.
 
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
     {'two': 4, 'three': 9}
     """
     pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
+    futures: dict[Future[T], str] = {}
+
+    def begin(new: Mapping[str, Item]) -> set[Future[T]]:
+        begun = {pool.submit(copy_context().run, _call_by_name, work, name, item): name for name, item in new.items()}
+        futures.update(begun)
+        return set(begun)
+
     try:
-        futures = {
-            pool.submit(copy_context().run, _call_by_name, work, name, item): name for name, item in items.items()
-        }
-        pending = set(futures)
+        pending = begin(items)
         while pending:
             # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
             ended, pending = wait(pending, timeout=INTERRUPT_CHECK, return_when=FIRST_COMPLETED)
-            if done is not None:
-                for future in ended:
+            for future in ended:
+                if done is not None:
                     done(futures[future])
+                if more is not None:
+                    pending |= begin(more(futures[future], future.result()))
         return {name: future.result() for future, name in futures.items()}
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

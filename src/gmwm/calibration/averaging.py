@@ -81,7 +81,7 @@ def averaged_interval(estimates: Sequence[WeightedEstimate], level: float) -> tu
     ends = [end for e in sure for end in (e.low, e.value, e.high) if 0 < end < math.inf]
     if not ends:
         return 0.0, math.inf
-    first, last = math.log(min(ends)) - 7.0, math.log(max(ends)) + 7.0
+    first, last = math.log(min(ends)) - 7.0, min(math.log(max(ends)) + 7.0, 700.0)
     low = 0.0 if above(math.exp(first)) < 1 - tail else _crossing(above, 1 - tail, first, last)
     high = math.inf if above(math.exp(last)) > tail else _crossing(above, tail, first, last)
     return low, high

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from gmwm.base.remarks import Remark
 from gmwm.base.reporting import Progress
 from gmwm.base.text import counted
 from gmwm.base.threads import in_threads, return_memory
+from gmwm.base.units import by_sensor, sensor_of
 from gmwm.calibration.additions import axis_additions, recording_additions
 from gmwm.calibration.averaging import WALK, averaged_datasheet, averaged_intervals, is_walk, with_band
 from gmwm.calibration.data import AxisInput, Recordings
-from gmwm.calibration.findings import LEAST_SCALES, PLANNED_ERROR, TEST_SIZE
+from gmwm.calibration.findings import LEAST_SCALES, PLANNED_ERROR, TEST_SIZE, prepare_remarks
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.number_verdicts import with_verdict_limits
 from gmwm.calibration.options import CalibrationOptions
@@ -76,6 +77,7 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
     )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
+    prepare_remarks(measured.axis, axis)
     return axis
 
 
@@ -172,9 +174,6 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
     return {name: needed(name, share) for name, share in zip(fit.sandwich.names, shares, strict=True) if name in poor}
 
 
-T = TypeVar("T")
-Item = TypeVar("Item")
-
 Data = Imu | Signal | Streamed | Mapping[str, AxisInput]  # data of one recording
 Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, Imu | Streamed]
 """Data of several recordings of one unit."""
@@ -207,17 +206,39 @@ def calibrate_recording(
         steps.step(axis, STAGES[1])
         return choice
 
-    def calibrated(axis: str, choice: ModelChoice) -> AxisCalibration:
-        result = (helpers or Helpers()).run(calibrate_axis, items[axis], choice, options)
+    def work(axis: str, item: MeasuredAxis | ModelChoice) -> ModelChoice | AxisCalibration | GmwmError:
+        try:
+            if isinstance(item, MeasuredAxis):
+                return choose(axis, item)
+            result = (helpers or Helpers()).run(calibrate_axis, items[axis], item, options)
+        except OptionError:
+            raise
+        except GmwmError as error:
+            return error
         steps.step(axis, STAGES[2])
         return result
 
+    choices: dict[str, ModelChoice] = {}
+    searched = by_sensor(items)  # axes whose search has not ended
+
+    def fits_of(axis: str, result: object) -> dict[str, MeasuredAxis | ModelChoice]:
+        """Return the choices of a sensor after its last search; its axes are fitted while others are searched."""
+        of_sensor = searched[sensor_of(axis)]
+        if of_sensor.pop(axis, None) is None:
+            return {}
+        if isinstance(result, ModelChoice):
+            choices[axis] = result
+        alike = {name: choices[name] for name in items if name in choices and sensor_of(name) == sensor_of(axis)}
+        return {} if of_sensor else {**with_shared_form(alike)}
+
+    return_memory()  # of the stage before, which needed other sizes of arrays
     try:
-        choices = with_shared_form(_results(choose, items, failed, threads))
-        axes = _results(calibrated, choices, failed, threads)
+        results = in_threads(work, dict[str, MeasuredAxis | ModelChoice](items), threads=threads, more=fits_of)
     except BaseException:
         steps.stop()
         raise
+    axes = {axis: result for axis, result in results.items() if isinstance(result, AxisCalibration)}
+    failed |= {axis: result for axis, result in results.items() if isinstance(result, GmwmError)}
     failed = {axis: failed[axis] for axis in measured if axis in failed}
     if not axes:
         axis, error = next(iter(failed.items()))
@@ -238,25 +259,6 @@ def calibrate_recording(
         recordings={name: item for name, item in descriptions.items() if name},
     )
     return with_verdict_limits(calibration)
-
-
-def _results(
-    work: Callable[[str, Item], T], items: Mapping[str, Item], failed: dict[str, GmwmError], threads: int | None
-) -> dict[str, T]:
-    """Call a function for each axis in threads, and return the results; errors of axes are added to `failed`."""
-
-    def result_or_error(axis: str, item: Item) -> T | GmwmError:
-        try:
-            return work(axis, item)
-        except OptionError:
-            raise
-        except GmwmError as error:
-            return error
-
-    return_memory()  # of the stage before, which needed other sizes of arrays
-    results = in_threads(result_or_error, items, threads=threads)
-    failed.update({axis: item for axis, item in results.items() if isinstance(item, GmwmError)})
-    return {axis: item for axis, item in results.items() if not isinstance(item, GmwmError)}
 
 
 def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:

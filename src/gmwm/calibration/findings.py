@@ -173,13 +173,23 @@ def _of_axis(
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
     if time is not None:
         yield Remark.of("walk-or-markov", axis, case="equivalent", time=Quantity(time, "s"))
-    white, walk = (axis_calibration.datasheet.get(symbol) for symbol in OF_FILTER)
-    if white is not None and walk is not None and not (white.upper_only or walk.upper_only):
-        time = true_times([axis_calibration.fit], white.value, walk.value)[1]
-        if time < math.inf:
-            yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
+    if (time := _end_of_claim(axis_calibration)) < math.inf:
+        yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:
         yield _poorly_known(axis, axis_calibration)
+
+
+def _end_of_claim(found: AxisCalibration) -> float:
+    """Return the time (s) up to which a filter's stated error is true, or infinity; the fit keeps what it takes."""
+    white, walk = (found.datasheet.get(symbol) for symbol in OF_FILTER)
+    if white is None or walk is None or white.upper_only or walk.upper_only:
+        return math.inf
+    return true_times([found.fit], white.value, walk.value)[1]
+
+
+def prepare_remarks(axis: str, found: AxisCalibration) -> None:
+    """Compute what takes long of the remarks on an axis, where axes are processed in parallel; the fit keeps it."""
+    _ = oscillations_in_n(axis, found.fit), _end_of_claim(found)
 
 
 def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
@@ -361,8 +371,15 @@ def _oscillators(fit: Fit) -> Iterator[tuple[float, float, float]]:
             yield peak, peak / process.value("quality"), others / (others - density) if others > density else math.inf
 
 
-def oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
-    """Yield a remark if oscillations or lines of the model raise N of the default filter by more than a tenth."""
+def oscillations_in_n(axis: str, fit: Fit) -> list[Remark]:
+    """Return a remark if oscillations or lines of the model raise N of the default filter by more than a tenth."""
+    stored: dict[str, list[Remark]] = fit.__dict__.setdefault("_oscillations_in_n", {})
+    if axis not in stored:
+        stored[axis] = list(_oscillations_in_n(axis, fit))
+    return stored[axis]
+
+
+def _oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
     rate = fit.wavelet_variance.rate
     processes = [process for process in fit.model.processes if process.scale > 0 and Use().contains(process, rate)]
     oscillating = [process for process in processes if process.oscillation() is not None]

@@ -49,7 +49,7 @@ def recording_remarks(
         sheet = axis_calibration.datasheet
         ramp = sheet.get(_RAMP)
         if remark.code == _LINE and ramp is not None and ramp.value and not ramp.upper_only:
-            continue
+            affected = ("K",)  # a filter has no drift, so that its K contains the line (docs/concepts/two-numbers.md)
         numbers = tuple(symbol for symbol in sheet if symbol.partition("[")[0] in affected)
         raised = tuple(symbol for symbol in numbers if not is_small(remark, sheet[symbol]))
         if numbers and not raised:

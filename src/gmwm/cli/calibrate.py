@@ -329,7 +329,8 @@ def calibration_helpers(
     import_module("scipy.special")  # for the tests of each axis
     import_module(before)
     drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
-    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
+    drawn = drawing if plots and is_installed("matplotlib") else ()
+    return helpers_of(*drawn, "scipy.optimize", "gmwm.applications.monitor.baseline", count=count)
 
 
 def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:

@@ -188,10 +188,13 @@ class StateSpace:
         """Simulate Gaussian sample paths (paths, n) that start from x_0 ~ (m0, P0); `rng` is a NumPy Generator."""
         states = self.m0 + rng.standard_normal((paths, self.states)) @ _root(self.P0).T
         out = rng.standard_normal((paths, n)) * np.sqrt(self.R[0, 0])
-        root = _root(self.Q).T
-        for t in range(n):
-            out[:, t] += states @ self.H[0]
-            states = states @ self.F.T + rng.standard_normal((paths, self.states)) @ root
+        steps = (1 << 20) // (paths * self.states + 1) + 1
+        for first in range(0, n, steps):
+            part = out[:, first : first + steps]
+            path = rng.standard_normal((part.shape[1], paths, self.states)) @ _root(self.Q).T
+            for t in range(len(path)):
+                path[t], states = states, states @ self.F.T + path[t]
+            part += (path @ self.H[0]).T
         return np.asarray(out)
 
 

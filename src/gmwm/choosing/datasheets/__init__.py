@@ -246,7 +246,7 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
-    reach = judged.z * math.sqrt(float(g @ found.relative[np.ix_(place, place)] @ g))
+    reach = judged.z * math.sqrt(max(float(g @ found.relative[np.ix_(place, place)] @ g), 0.0))
     if number.signal_power and process.scale_parameter().domain == "real":
         return number.value - reach * abs(number.value), number.value + reach * abs(number.value)
     factor = math.exp(min(reach, 700.0))

@@ -10,12 +10,12 @@ choice of the smallest of many criteria."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from gmwm.base import _core
-from gmwm.base.arrays import Integers, Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector, freeze
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
 from gmwm.choosing.selection.candidate_fits import Explored
@@ -153,16 +153,7 @@ class Hypothesis:
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns, [part / np.linalg.norm(part) for part in parts]])
         data = self.fit.implied @ self.root.T + self.errors[records]
-        limits = self.losses[records] - self.least - difference
-        while 0 <= more < limits.size:
-            weights, best = _core.nonnegative_least_squares(data[0], columns)
-            more -= best <= limits[0]
-            # No curve has a positive product with this residual, so its product with other data bounds their distance.
-            residual = data[0] - weights @ columns
-            open_ones = np.maximum(data @ residual, 0.0) ** 2 <= limits * (residual @ residual)
-            open_ones[0] = False
-            data, limits = data[open_ones], limits[open_ones]
-        return bool(more < 0)
+        return _core.often_near(data, self.losses[records] - self.least - difference, columns, more)
 
 
 def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, seed: int) -> bool:
@@ -202,9 +193,14 @@ def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
     """Draw deviations of ν̂² (B, J) from a curve, chi-square distributed with the covariance V (J, J) `wavelet`."""
     deviation = np.sqrt(np.diag(wavelet))
-    normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
-    scores = normal @ factor_of(wavelet).T / deviation
+    scores = _normal(draws, curve.size, seed) @ factor_of(wavelet).T / deviation
     return np.asarray(curve * (_mean_squares(scores, 2 * (curve / deviation) ** 2) - 1))
+
+
+@lru_cache(maxsize=2)
+def _normal(draws: int, size: int, seed: int) -> Matrix:
+    """Draw standard normal numbers (draws, size), which all candidates of a ranking share."""
+    return freeze(np.random.default_rng(seed).standard_normal((draws, size)))
 
 
 def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
@@ -212,7 +208,7 @@ def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
-    out = np.empty_like(scores)
+    out, every = np.empty_like(scores), np.zeros((QUANTILE_DEGREE + 1, freedom.size))
     # With many degrees of freedom, quantiles are nearly linear.
     for degree, levels in ((QUANTILE_DEGREE, freedom < 20), (QUANTILE_DEGREE // 3, freedom >= 20)):
         number = np.arange(degree + 1)
@@ -221,7 +217,8 @@ def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
         values = scipy.special.chdtri(freedom[levels], at) / freedom[levels]
         terms = 2 / (degree + 1) * np.cos(np.outer(number, angle)) @ values
         terms[0] /= 2
-        out[:, levels] = np.polynomial.chebyshev.chebval(scores[:, levels] / reach, terms, tensor=False)
+        every[: degree + 1, levels] = terms
+    _core.chebyshev(every, scores / reach, out)
     return out
 
 

@@ -105,6 +105,10 @@ class Search:
             LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self._starts(),
         )  # fmt: skip
 
+    def tabulated(self) -> list[Place]:
+        """Return the places of the best optimum on the tabulated curve that a search without a certificate finds."""
+        return self.places_of(self.branch_and_bound(certify=False)[0][0][1])
+
     def _starts(self) -> Vector:
         """Return the starting values on the tabulated curve; empty unless every curved process has one."""
         name = self.curved_class.nonlinear_parameters()[0].name

@@ -10,10 +10,9 @@ import numpy as np
 
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector
-from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place, ShapeGrid
+from gmwm.fitting.estimation.atoms import BOUND_FACTOR, NEIGHBOUR_CELLS, Place
 from gmwm.fitting.estimation.branch_and_bound import LIMITS, WIDTHS, Optimum, Search, SearchResult
 from gmwm.fitting.estimation.problem import ROUNDING, Problem
-from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.segments import lengths_of
 from gmwm.theory.filters import HAAR
@@ -36,9 +35,6 @@ _LIMITS = np.array(
     dtype=np.float64,
 )
 
-if TYPE_CHECKING:
-    from gmwm.fitting.estimation.solver import Solution
-
 
 def search_of(problem: Problem) -> Search:
     """Return the search, by the kernel if the class itself defines `search`: subclasses may have another variance."""
@@ -48,13 +44,6 @@ def search_of(problem: Problem) -> Search:
     if closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate)):
         return ExponentialSearch(problem, kind)
     return Search(problem, kind)
-
-
-def _weigh_grid(grid: ShapeGrid, weights: Weights) -> _core.WeightedTable:
-    return _core.WeightedTable(
-        weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
-        grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS
-    )  # fmt: skip
 
 
 class ExponentialSearch(Search):
@@ -77,14 +66,26 @@ class ExponentialSearch(Search):
 
     def optimum(self, *, certify: bool) -> SearchResult:
         """Return the global optimum on the exact curve, with lower bounds and the `ends` of its places."""
-        weights = self.problem.weights
-        weighted = weights.tables.get(self.grid)
-        if weighted is None:
-            weighted = weights.tables[self.grid] = _weigh_grid(self.grid, weights)
+        most = LIMITS.certify_nodes if certify else LIMITS.quick_nodes
         values, bound, relaxed, table, nodes = self.kernel.solve(
-            weighted, len(self.problem.curved), LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self._starts()
+            self._weighted(), len(self.problem.curved), most, self._starts()
         )
         return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
+
+    def tabulated(self) -> list[Place]:
+        """Return the places of the best optimum on the tabulated curve."""
+        count, starts = len(self.problem.curved), self._starts()
+        return self.places_of(self.kernel.tabulated(self._weighted(), count, LIMITS.quick_nodes, starts))
+
+    def _weighted(self) -> _core.WeightedTable:
+        """Return the table under the weights of the problem, which other problems share."""
+        grid, weights = self.grid, self.problem.weights
+        if grid not in weights.tables:
+            weights.tables[grid] = _core.WeightedTable(
+                weights.root, weights.positive, grid.owner, grid.nodes, grid.spacing, grid.values, grid.slopes,
+                grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS
+            )  # fmt: skip
+        return weights.tables[grid]
 
     def follow(self, places: list[Place], *, ends: bool = False) -> Optimum:
         """Return the local optimum nearest to `places`, the optimum of the problem with slightly different weights."""

@@ -230,9 +230,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
     """Return the optimum after another search for the curved processes with fixed shapes of the free processes."""
     for _ in range(MOST_SEARCHES if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
-        search = surface.curved_alone(z)
-        candidates, _, _, _ = search.branch_and_bound(certify=False)
-        places = search.places_of(candidates[0][1])
+        places = surface.curved_alone(z).tabulated()
         point = ShapePoint(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         optimum = surface.downhill(point)
         if optimum is None or problem.as_low(best.objective, optimum.objective, ROUNDING_NOISE):

@@ -250,14 +250,9 @@ def _dictionary(problem: Problem) -> Matrix:
 
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> ShapePoint:
     """Return the point with the coordinates `z` of the free processes and the best places of the curved processes."""
-    branches, u = [], []
-    if problem.curved_class is not None:
-        search = surface.curved_alone(z)
-        candidates, _, _, _ = search.branch_and_bound(certify=False)
-        for branch, place in search.places_of(candidates[0][1]):
-            branches.append(branch)
-            u.append(place)
-    return ShapePoint(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+    places = [] if problem.curved_class is None else surface.curved_alone(z).tabulated()
+    u = np.array([u for _, u in places], dtype=np.float64)
+    return ShapePoint(tuple(branch for branch, _ in places), np.concatenate([u, *z]))
 
 
 def _even(count: int, size: int) -> Matrix:

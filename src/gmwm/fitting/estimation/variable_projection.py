@@ -17,6 +17,7 @@ from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.threads import check_stop
 from gmwm.fitting.estimation.atoms import shapes
 from gmwm.fitting.estimation.branch_and_bound import Search
+from gmwm.fitting.estimation.exponential_search import search_of
 from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Branch
@@ -32,16 +33,12 @@ class Coordinates:
         self.kind = type(process)
         self.process = process
         self.moving = to_find(process)
+        self.size = len(self.moving)  # number of coordinates
         parameters = process.nonlinear_parameters()
         self.together = len(self.moving) == len(parameters)
         self.parameters = [parameters[k] for k in self.moving]
         values = [process.values[p.name] for p in parameters]
         self.held = np.array([0.0 if v is None else v for v in values], dtype=np.float64)
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates."""
-        return len(self.moving)
 
     def values(self, z: NDArray[Any]) -> NDArray[Any]:
         """Return all nonlinear parameters (n, q), including fixed ones, at coordinates (n, d)."""
@@ -151,7 +148,7 @@ class Surface:
         rows = rows @ self.problem.root.T
         if not np.all(np.isfinite(rows)):
             return None
-        lengths = np.linalg.norm(rows, axis=1)
+        lengths = np.sqrt(np.einsum("ij,ij->i", rows, rows))
         # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
@@ -176,11 +173,10 @@ class Surface:
     def curved_alone(self, z: list[Vector]) -> Search:
         """Return the search for the curved processes with the free ones fixed, without those of zero variance."""
         problem, curves = self.problem, self.free_shapes(z)
-        assert problem.curved_class is not None
         seen = np.any(curves > 0, axis=1)
         held = tuple(place for place, able in zip(problem.free, seen, strict=True) if able)
         rows = np.concatenate([problem.shapes, curves[seen]])
-        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
+        return search_of(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows))
 
     def _curved_shapes(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
         curved_class, problem = self.problem.curved_class, self.problem
@@ -203,9 +199,11 @@ class Surface:
         if branches:
             curved_class = problem.curved_class
             assert curved_class is not None
-            pairs = list(zip(branches, u, strict=True))
-            parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
-            by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
+            pairs = [(branches[0], u)]
+            if any(branch is not branches[0] for branch in branches):
+                pairs = [(branch, u[k : k + 1]) for k, branch in enumerate(branches)]
+            parameters = np.concatenate([branch.values(places) for branch, places in pairs])
+            by_u = np.concatenate([branch.slope(places) for branch, places in pairs])
             rows.append(
                 curved_class.moments_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
             )

@@ -10,8 +10,7 @@ import numpy as np
 from gmwm.base.arrays import Matrix
 from gmwm.measuring.covariance.design import Design
 
-EXACT_LENGTHS = 64
-"""Largest number of different segment lengths that are computed individually; more are interpolated."""
+EXACT_LENGTHS = 64  # largest number of different segment lengths that are computed individually; more are interpolated
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:

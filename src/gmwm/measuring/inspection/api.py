@@ -212,8 +212,7 @@ class RecordingStatistics:
         means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
         steps = () if parts else self._steps(means)
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
-        candidates = (trend_of(axis, of_axis, extent) for axis, of_axis in calm.items())
-        trends = tuple(trend for trend in candidates if trend is not None)
+        trends = tuple(trend for axis, of in calm.items() if (trend := trend_of(axis, of, extent)) is not None)
         steady = set(calm).difference(trend.axis for trend in trends)
         found = in_threads(
             lambda axis, of_axis: swing_of(axis, of_axis, extent), {a: m for a, m in calm.items() if a in steady}
@@ -231,10 +230,9 @@ class RecordingStatistics:
         coarse = {
             axis for axis, item in axes.items() if item.lsb and item.lsb > 2 * (item.before_rounding or item.noise)
         }
-        clipped = {item.axis for item in saturations}
         levels = {
             axis: change
-            for axis in moving - coarse - clipped
+            for axis in moving - coarse - {item.axis for item in saturations}
             if (change := level_change(statistics[axis], motion, extent)) is not None
         }
         remarks = (
@@ -250,12 +248,10 @@ class RecordingStatistics:
             *findings.of_conditions(conditions.found, conditions.unknown),
             *(remark for remark in self._remarks if not findings.is_made_again(remark)),
         )  # fmt: skip
-        segments = len(extent.segments)
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,
-            segments=segments, time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
-            static=not (moved or motion.spans or parts), knocks=knocks, steps=steps, trends=trends,
-            swings=swings,
+            segments=len(extent.segments), time_base=self._base, axes=axes, gravity=gravity, tilt=tilt,
+            static=not (moved or motion.spans or parts), knocks=knocks, steps=steps, trends=trends, swings=swings,
             temperature=self._temperature, regressions=dict(conditions.found), remarks=remarks,
         )  # fmt: skip
 
@@ -329,12 +325,7 @@ class RecordingStatistics:
 
 def _repetitions(batch: Batch) -> int:
     """Return the number of samples that equal the sample before on all axes."""
-    same: Any = True
-    for signal in batch.signals.values():
-        same = same & (signal.values[1:] == signal.values[:-1])
-        if not np.any(same):
-            break
-    return int(np.sum(same))
+    return int(np.sum(np.logical_and.reduce([x.values[1:] == x.values[:-1] for x in batch.signals.values()])))
 
 
 def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:

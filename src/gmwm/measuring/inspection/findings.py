@@ -101,19 +101,15 @@ def of_positions(parts: Sequence[tuple[float, float]]) -> Iterator[Remark]:
 def of_steps(steps: tuple[Step, ...], known: Sequence[Remark]) -> Iterator[Remark]:
     """Yield remarks on lasting jumps of the mean and on settling, at most three for each axis. Jumps within a settling
     that is `known`, because its jumps were subtracted, are a part of it."""
-    settled: Any = next(
-        (r.facts["ranges"] for r in known if r.code == "level-steps" and r.facts["case"] == "settles"), ()
-    )
+    settled: Any = next((r.facts["ranges"] for r in known if r.code == "level-steps" and "ranges" in r.facts), ())
     new = [step for step in steps if not any(begin <= step.time <= end for begin, end in settled)]
     for axis in dict.fromkeys(step.axis for step in steps):
         if any(step.axis == axis and step.until is not None for step in new):
             yield Remark.of("level-steps", axis, case="settles", **settling_times(new))
-        jumps = [step for step in new if step.axis == axis and not step.at_gap and step.until is None]
-        if jumps:
+        if jumps := [step for step in new if step.axis == axis and not step.at_gap and step.until is None]:
             case = "possible" if all(step.possible for step in jumps) else "clear"
             yield Remark.of("level-steps", axis, case=case, **places_of(jumps))
-        restarts = [step for step in steps if step.axis == axis and step.at_gap]
-        if restarts:
+        if restarts := [step for step in steps if step.axis == axis and step.at_gap]:
             first = Quantity(restarts[0].time, "s")
             yield Remark.of("gaps-filled", axis, case="restart", count=len(restarts), first=first)
 
@@ -141,13 +137,9 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
     late = beginning_to_omit(trends, extent.samples / extent.rate) is None
     way = "late" if late else "again" if cut else "start"
     for trend in trends:
-        unit = units[trend.axis]
-        facts: dict[str, Fact] = {
-            "size": in_datasheet_units(abs(trend.size), 0.0, unit),
-            "left": 100 * trend.share,
-            # The numbers that are estimated at long scales, where a trend looks like noise.
-            "numbers": ("B", "K", "R"),
-        }
+        size = in_datasheet_units(abs(trend.size), 0.0, units[trend.axis])
+        # The numbers are estimated at long scales, where a trend looks like noise.
+        facts: dict[str, Fact] = {"size": size, "left": 100 * trend.share, "numbers": ("B", "K", "R")}
         if trend.tau is not None and trend.until is not None:
             tau, until = Quantity(trend.tau, "s"), Quantity(longest[trend.is_small], "s")
             if trend.is_small:
@@ -166,10 +158,8 @@ def of_swings(swings: tuple[Swing, ...], units: Mapping[str, str]) -> Iterator[R
     """Yield remarks on periodic changes of the mean."""
     for swing in swings:
         size = in_datasheet_units(swing.amplitude, 0.0, units[swing.axis])
-        period, numbers = Quantity(swing.period, "s"), ("B", "K", "R")
-        yield Remark.of(
-            "trend", swing.axis, case="swing", period=period, periods=swing.periods, size=size, numbers=numbers
-        )
+        facts: dict[str, Fact] = {"size": size, "period": Quantity(swing.period, "s"), "numbers": ("B", "K", "R")}
+        yield Remark.of("trend", swing.axis, case="swing", periods=swing.periods, **facts)
 
 
 def beginning_to_omit(trends: tuple[Trend, ...], duration: float) -> float | None:

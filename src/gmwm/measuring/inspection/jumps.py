@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,8 +15,8 @@ from gmwm.base.remarks import Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, settling_times
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import FEWEST, TrendTest, best_swing, longest_means
-from gmwm.measuring.inspection.wander import Likelihood
+from gmwm.measuring.inspection.trends import EXTRA, FEWEST, TrendTest, best_swing, longest_means
+from gmwm.measuring.inspection.wander import Change, Likelihood, decay
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -37,6 +38,9 @@ _CLEAR = _JumpLimits(21.0, 21.0, 1.35, 16.0)
 200 recordings; seven accelerometer axes at rest have ratios of 0.8 to 1.25 (validation/study_faults.py)."""
 _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2, 13.0)
 """Limits of jumps that may be part of a random walk, so that K is a bound (tests/test_inspection_faults.py)."""
+_SHORT_BOXES = _CLEAR._replace(matters=0.0)
+"""Limits of short boxes, such as a disturbance of a few seconds, which raise N more than K."""
+_SHORT = 4  # longest box (blocks) whose ends are placed together
 _FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
 MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
@@ -57,39 +61,69 @@ def jumps_of(
 ) -> list[Step]:
     """Find the jumps of an axis, ordered by time, from segments of about 256 block means.
 
-    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales, so no block length
-    is chosen. The clearest jump is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes
-    better are no jumps. Jumps that fit the random walk are noise; less clear ones that raise K are `possible`. A jump
-    before an exponential, and a staircase that it describes as well, are a settling, which a jump cannot describe."""
+    As in `trend_of`, noise alone is compared with noise and a jump at any place, at all time scales. The clearest jump
+    is subtracted, and the search is repeated. Changes that a trend or a sinusoid describes better are no jumps. Jumps
+    that fit the walk are noise; less clear ones that raise K are `possible`. What an exponential describes settles."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return []
     steps = []
     seams = np.array([first for first, _ in extent.unbroken])
-    for jump in _with_settling(y, sorted(_jumps_in(y))):
-        block = int(jump.place)
-        first, last = int(samples[max(block - 2, 0)]), int(samples[min(block + 1, y.size - 1)]) + length
+    jumps = sorted(_jumps_in(y))
+    # A short box has no level between its ends: both are placed together.
+    boxes = [
+        [a, b] for a, b in pairwise(jumps) if b.place - a.place <= _SHORT and abs(a.size + b.size) < abs(a.size) / 2
+    ]
+    in_boxes = [jump for box in boxes for jump in box]
+    for group in [*boxes, *([jump] for jump in jumps if jump not in in_boxes)]:
+        begin, end = int(group[0].place), int(group[-1].place)
+        first, last = int(samples[max(begin - 2, 0)]), int(samples[min(end + 1, y.size - 1)]) + length
         if np.any((seams > first) & (seams < last)):
             continue  # coefficients do not extend across a long gap
-        part = values(first, last)
-        before, after = float(np.mean(y[max(block - 3, 0) : block])), float(np.mean(y[block + 1 : block + 4]))
-        place = first + corner(part, before, after)
-        reach = jump_reach(part, jump.size)
-        time = float(extent.times([place])[0])
-        steps.append(
-            Step(
-                time=time, axis=axis, size=jump.size, times=float(np.sqrt(jump.gain)),
-                at_gap=extent.has_short_gap(place, reach), index=int(place), possible=jump.possible,
-                until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
-            )
-        )  # fmt: skip
-    return steps
+        part, sizes = values(first, last), [jump.size for jump in group]
+        if len(group) == 2:
+            *places, size = _box(part)
+            sizes = [size, -size]
+        else:
+            before, after = float(np.mean(y[max(begin - 3, 0) : begin])), float(np.mean(y[begin + 1 : begin + 4]))
+            places = [corner(part, before, after)]
+        for jump, index, size in zip(group, places, sizes, strict=True):
+            place = first + index
+            at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, size))
+            time = float(extent.times([place])[0])
+            steps.append(
+                Step(
+                    time=time, axis=axis, size=size, times=float(np.sqrt(jump.gain)),
+                    at_gap=at_gap, index=place, possible=jump.possible,
+                    until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
+                )
+            )  # fmt: skip
+    return sorted(steps, key=lambda step: step.index)
+
+
+def _box(values: Vector) -> tuple[int, int, float]:
+    """Return the first sample in the box that describes values best, the first one after it, and its size."""
+    size, sums = values.size, np.concatenate([[0.0], np.cumsum(values - np.mean(values))])
+    step = max(size // 256, 1)
+    begins = ends = np.arange(0, size + 1, step)
+    for _ in range(2):
+        width = ends - begins[:, None]
+        # The reduction of the sum of squares by a box of this width.
+        usable = (width > 0) & (width < size)
+        gains = np.where(
+            usable, (sums[ends] - sums[begins][:, None]) ** 2 / np.where(usable, width * (size - width), 1), 0.0
+        )
+        begin, end = (
+            int(places[k])
+            for places, k in zip((begins, ends), np.unravel_index(np.argmax(gains), gains.shape), strict=True)
+        )
+        begins, ends = (np.arange(max(place - step, 0), min(place + step, size) + 1) for place in (begin, end))
+    return begin, end, float((sums[end] - sums[begin]) * size / ((end - begin) * (size - end + begin)))
 
 
 def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
-    """Return jumps, those within a settling of another axis as a part of it: it has one cause, such as a power cycle.
-    `reach` (s) is the error of the place of a jump."""
+    """Return jumps, within a settling of another axis as a part of it. `reach` (s) is the error of their places."""
     settlings = [(step.time - reach, step.until) for step in steps if step.until is not None]
     return [
         step if step.possible else replace(
@@ -114,46 +148,71 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    clearest = Likelihood(means).best_step(_FIRST)
+    clearest = Likelihood(means).best_change(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
-    groups = [] if jumps else _together(means)
+    boxes = _boxes_in(means)
+    if jumps and boxes:
+        likelihood, places = Likelihood(means), [jump.place for jump in jumps]
+        value = likelihood.with_all(likelihood.transform(_courses(places, means.size)))
+        gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
+        jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
+    groups = [] if jumps else [*_together(means), *boxes]
     for limits in (_CLEAR, _POSSIBLE):
         excesses = [gain - limits.gain - limits.together * (len(places) - 1) for places, gain in groups]
         if jumps or max(excesses, default=0.0) <= 0:
             continue
-        gain, places = max(excesses), groups[int(np.argmax(excesses))][0]
+        best = int(np.argmax(excesses))
+        gain, places = max(excesses), groups[best][0]
+        is_box = best >= len(groups) - len(boxes)
+        if limits is _CLEAR and is_box and all(b - a <= _SHORT for a, b in zip(places[::2], places[1::2], strict=True)):
+            limits = _SHORT_BOXES
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
         if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
             jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
-    if clearest[0] >= _POSSIBLE.gain and not any(jump.possible for jump in jumps):
-        jumps = _warm_up_at(means, clearest, jumps) or jumps
-    return jumps or (_one_by_one(means, clearest, limits=_POSSIBLE) if clearest[0] >= _POSSIBLE.gain else [])
+    jumps = _with_settling(means, sorted(jumps))
+    # Several possible jumps can look like a settling.
+    if any(jump.possible or jump.until is not None for jump in jumps):
+        return jumps
+    if not jumps and clearest[0] >= _POSSIBLE.gain:
+        jumps = _one_by_one(means, clearest, limits=_POSSIBLE)
+    return _settlings_in(means, jumps, clearest[0]) or jumps
 
 
-def _warm_up_at(means: Vector, clearest: tuple[float, float, Vector], jumps: Sequence[_Jump]) -> list[_Jump]:
-    """Return the clearest jump as a possible one if a warm-up at its place, as after a power cycle, raises K and
-    describes the means better than jumps (tests/test_inspection_faults.py)."""
-    likelihood, at = Likelihood(means), np.arange(means.size) + 0.5
-    gain, place, weights = clearest
-    step, base = _courses([place], means.size), float(np.min(likelihood.without().values))
-    if len(jumps) > 1:
+def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> list[_Jump]:
+    """Return the settlings, such as a creep or a second warm-up, as possible jumps if they raise K and describe the
+    means better than jumps or a sinusoid, beside a trend. They begin with a jump of gain `clearest` or without one."""
+    likelihood, edges = Likelihood(means), np.arange(means.size + 1, dtype=np.float64)
+    gain = likelihood.best_change(_FIRST, settles=True)[0]
+    if gain < _CLEAR.gain + EXTRA:
+        return []
+    rival, trend = best_swing(likelihood).gain, TrendTest(means)
+    if jumps:
         courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
-        gain = max(gain, base - likelihood.with_all(courses) - _CLEAR.together * (len(jumps) - 1))
-    # The place of a jump is not quite that of a warm-up.
-    times = np.tile(np.geomspace(2.0, means.size / 2, 12), 5)
-    since = at - place - np.repeat(np.arange(-1, 1.1, 0.5), 12)[:, None]
-    decays = np.where(since > 0, np.exp(-np.maximum(since, 0.0) / times[:, None]), 0.0)
-    values = np.min(likelihood.with_one(likelihood.transform(decays)).values, axis=0)
-    best = int(np.argmin(values))
+        together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
+        rival = max(rival, together - _CLEAR.together * (len(jumps) - 1))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
-    rival = gain + 6.6 if jumps else max(gain, TrendTest(means).statistic + 6.6, best_swing(likelihood).gain + 6.6)
-    if base - values[best] < max(rival, _CLEAR.gain + 6.6):
+    if gain < rival + 6.6:
         return []
-    # The largest ratio of K of 18 axes at rest is 1.08.
-    if _raising(means, np.vstack([step, decays[best], np.exp(-at / times[best])])) <= 1.1:
-        return []
-    return [_Jump(place, float(_sizes(likelihood, step, np.sqrt(weights))[0]), gain, possible=True)]
+    if trend.kind is not None and gain < trend.statistic + 6.6:
+        means = means - trend.course()
+    found, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
+    while len(found) < MOST:
+        gain, place, tau, weights = Likelihood(y).best_change(_FIRST, settles=True)
+        if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in found):
+            break
+        # Other shapes, such as a logarithm, are close to two exponentials.
+        decays = [decay(edges - place, tau * k) for k in (1, 4)]
+        courses = np.vstack([courses, _courses([place], means.size), *decays])
+        sizes = _sizes(likelihood, courses, np.sqrt(weights))
+        until = None if gain < clearest else min(place + 4 * tau, float(means.size))
+        found.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
+        y = means - sizes @ courses
+    _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
+    independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
+    left, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
+    # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
+    return found if left < 0.9**2 * with_courses else []
 
 
 def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
@@ -170,8 +229,7 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
         for first, last in ((a, b) for a in chain for b in {a, chain[-1]}):
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
-                decay = np.diff(-tau * np.exp(-np.maximum(edges - place, 0.0) / tau))
-                courses = np.vstack([_courses([*others, place], means.size), decay])
+                courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
                 value = likelihood.with_all(likelihood.transform(courses))
                 # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
                 fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
@@ -184,7 +242,7 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
 
 
 def _one_by_one(
-    means: Vector, clearest: tuple[float, float, Vector], places: Sequence[float] = (), gain_of_each: float = 0.0, *,
+    means: Vector, clearest: Change, places: Sequence[float] = (), gain_of_each: float = 0.0, *,
     limits: _JumpLimits = _CLEAR,
 ) -> list[_Jump]:  # fmt: skip
     """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
@@ -196,7 +254,7 @@ def _one_by_one(
         y = np.asarray(means - sizes @ courses)
     while len(places) < MOST:
         likelihood = Likelihood(y)
-        gain, place, weights = likelihood.best_step(_FIRST) if places else clearest
+        gain, place, _, weights = likelihood.best_change(_FIRST) if places else clearest
         if (
             gain < (limits.more if places else limits.gain)
             or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain
@@ -218,8 +276,7 @@ def _one_by_one(
 
 
 def _together(means: Vector) -> list[tuple[list[float], float]]:
-    """Return the places of one, two, … jumps that look like a random walk one by one, and the reduction of −2 log L by
-    all of them. They are searched as if the noise was white, and compared with all noise models."""
+    """Return the places of one, two, … jumps, searched as if the noise was white, and what they reduce −2 log L by."""
     likelihood = Likelihood(means)
     without, root = float(np.min(likelihood.without().values)), np.sqrt(likelihood.grid.weights[0])
     places, y = list[float](), means
@@ -235,10 +292,27 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
     return [(places[: k + 1], float(gain)) for k, gain in enumerate(gains)]
 
 
+def _boxes_in(means: Vector) -> list[tuple[list[float], float]]:
+    """Return the places of the ends of one, two, … boxes, and the reduction of −2 log L by all of them."""
+    likelihood, places, y = Likelihood(means), list[float](), means
+    while len(places) < MOST - 1:
+        gain, ends, weights = Likelihood(y).best_box(_FIRST)
+        if gain < _POSSIBLE.gain + _POSSIBLE.together or any(abs(a - b) < 1 for a in places for b in ends):
+            break
+        places += ends
+        courses = _courses(places, means.size)
+        y = means - _sizes(likelihood, courses, np.sqrt(weights)) @ courses
+    if not places:
+        return []
+    gains = float(np.min(likelihood.without().values)) - likelihood.with_first(
+        likelihood.transform(_courses(places, means.size))
+    )
+    return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
+
+
 def _courses(places: Sequence[float], size: int) -> Matrix:
     """Return a jump of 1 at each place, as block means (C, n)."""
-    at = np.arange(size)
-    return np.vstack([np.clip(at + 1 - place, 0.0, 1.0) for place in places])
+    return np.asarray(np.clip(np.arange(1.0, size + 1) - np.array(places)[:, None], 0.0, 1.0))
 
 
 def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
@@ -264,6 +338,5 @@ def _raising(means: Vector, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
     courses = likelihood.transform(courses)
-    with_jumps, _ = likelihood.walk(courses[:0], alone=True)
-    _, limit = likelihood.walk(courses, alone=True)
+    (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

@@ -21,15 +21,14 @@ Kind = Literal["exponential", "linear", "quadratic"]
 
 FEWEST = 48
 """Smallest number of blocks for the test (tests/test_inspection_trends.py: false alarms at 70 and 256 blocks)."""
-_SIZE = 0.01
-"""Significance level of the test (docs/validation/trends.md)."""
+_SIZE = 0.01  # significance level of the test (docs/validation/trends.md)
 _TAIL = (8.5, 0.4)
 """The statistic exceeds t with probability 0.1·exp(−0.4 (t − 8.5)) for a random walk of moderate size, the noise that
 is most often mistaken for a trend (docs/validation/trends.md)."""
 _LEFT = 0.95
 """Share of the random walk that is left without a warm-up, from which on the warm-up is small: it then moves K by at
 most a quarter of its 95 % interval, which is about ± 20 % for a recording of hours (docs/validation/filter.md)."""
-_EXTRA = 2.0  # improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion
+EXTRA = 2.0  # improvement of −2 log L that is subtracted for a second parameter, as in Akaike's criterion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +117,7 @@ def longest_means(means: Sequence[tuple[int, Vector]], extent: Extent, length: i
 
 
 class TrendTest:
-    """Test for a trend in block means, times in blocks. `statistic` is the reduction of −2 log L, minus `_EXTRA` for a
+    """Test for a trend in block means, times in blocks. `statistic` is the reduction of −2 log L, minus `EXTRA` for a
     second parameter; `kind` is None if a jump describes the means better."""
 
     def __init__(self, means: Vector) -> None:
@@ -142,23 +141,23 @@ class TrendTest:
         self._parabola = likelihood.with_pairs(CoursePairs.of(likelihood.grid.weights, lines[:1], lines[1:]))
         base = np.min(self._none.values)
         gains: dict[Kind, float] = {
-            "exponential": float(base - np.min(self._exponential.values)) - _EXTRA,
+            "exponential": float(base - np.min(self._exponential.values)) - EXTRA,
             "linear": float(base - np.min(self._line.values)),
-            "quadratic": float(base - np.min(self._parabola.values)) - _EXTRA,
+            "quadratic": float(base - np.min(self._parabola.values)) - EXTRA,
         }
         self.statistic = max(gains.values())
         # Of about equally good shapes, a line is preferred, then an exponential, which has a physical cause.
-        near = [kind for kind, gain in gains.items() if gain >= self.statistic - _EXTRA]
+        near = [kind for kind, gain in gains.items() if gain >= self.statistic - EXTRA]
         self.kind: Kind | None = "linear" if "linear" in near else near[0]
         models = np.array([int(np.argmin(p.values)) for p in (self._none, self._profile())])
         # A jump in the first three blocks is treated as a warm-up.
-        if base - np.min(likelihood.with_steps(models, 4, n - 1)) - _EXTRA > self.statistic:
+        if base - np.min(likelihood.with_steps(models, 4, n - 1)) - EXTRA > self.statistic:
             self.kind = None
         self.pvalue = min(1.0, 0.1 * math.exp(-_TAIL[1] * (self.statistic - _TAIL[0])))
 
     def size(self) -> float:
         """Return the coefficient of the exponential, or the first value of the line or parabola minus the last one."""
-        course = self._course()
+        course = self.course()
         return float(course[0] - course[-1]) if self.kind != "exponential" else self._size
 
     def walks(self) -> tuple[float, float, float]:
@@ -179,7 +178,7 @@ class TrendTest:
         model = int(np.argmin(profile.values))
         weights = self._likelihood.grid.weights[model] * (n - 1) / profile.squares[model, 0]
         # The transform of the rest of the trend after block s is a sum over its differences from s on.
-        parts = self._likelihood.grid.transform * np.diff(self._course())
+        parts = self._likelihood.grid.transform * np.diff(self.course())
         rests = np.cumsum(parts[:, ::-1], axis=1)[:, ::-1]
         visible = np.flatnonzero(weights @ rests**2 > 1.0)
         return float(visible[-1] + 1) if visible.size else 0.0
@@ -191,7 +190,7 @@ class TrendTest:
     def _size(self) -> float:
         return self._likelihood.coefficient(int(np.argmin(self._exponential.values)), self._decay)
 
-    def _course(self) -> Vector:
+    def course(self) -> Vector:
         """Return the value of the trend in each block, up to a constant."""
         n, likelihood = self._means.size, self._likelihood
         at = np.arange(n) + 0.5

@@ -5,6 +5,7 @@ The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -21,6 +22,7 @@ _TIMES = (1.5, 5.0, 16.0)
 """Correlation times of the Gauss-Markov process (blocks); above a tenth of the recording it is close to a walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
+Change = tuple[float, float, float, Vector]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +58,7 @@ def grid_of(blocks: int) -> NoiseGrid:
     variances = variances_without + ratios[:, None] * walk
     return NoiseGrid(
         transform=transform, weights=1 / variances, logs=np.sum(np.log(variances), axis=1), walks=ratios,
-        rest=variances_without,
-        walk=walk,
+        rest=variances_without, walk=walk,
     )  # fmt: skip
 
 
@@ -68,10 +69,50 @@ def _steps(blocks: int, first: int, last: int) -> Matrix:
     return np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
 
 
-@lru_cache(maxsize=2)
-def _squares(blocks: int, first: int) -> Matrix:
-    """Return Σ c²/λ (G, C) of the jumps except for the `first` and the last blocks, which all axes share."""
-    return grid_of(blocks).weights @ _steps(blocks, first, blocks - first) ** 2
+@lru_cache(maxsize=1)
+def _changes(blocks: int, first: int) -> tuple[Vector, Vector, NDArray[np.float64], NDArray[np.float64]]:
+    """Return places (blocks), time constants of shapes (a jump, 0, then courses that settle after a jump or without
+    one), their transformed courses (S, P, n − 1), and Σ c²/λ (S, P, W) in models of white noise and a walk."""
+    grid, edges = grid_of(blocks), np.arange(blocks + 1)
+    places, times = np.arange(first, blocks - first + 0.5, 0.5), 2.0 ** np.arange(int(math.log2(blocks)) - 2)
+    steps = np.diff(np.maximum(edges - places[:, None], 0.0), axis=1)
+    decays = np.stack([decay(edges - places[:, None], tau) for tau in times])
+    # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
+    courses = np.diff(np.concatenate([steps[None], decays, steps - decays[1:]]), axis=2) @ grid.transform
+    return places, np.concatenate([[0.0], times, times[1:]]), courses, courses**2 @ grid.weights[: _WALKS.size].T
+
+
+def decay(edges: Matrix, tau: float) -> Matrix:
+    """Return the means of e^(−t/τ), 0 for t < 0, between neighbouring times (the last axis)."""
+    return np.asarray(np.diff(-tau * np.exp(-np.maximum(edges, 0.0) / tau)))
+
+
+class _Boxes(NamedTuple):
+    """Boxes between two places (blocks): places (P, 2), transformed courses (P, n − 1), and Σ c²/λ (P, W) in models of
+    white noise and a random walk."""
+
+    places: Matrix
+    courses: Matrix
+    squares: Matrix
+
+
+@lru_cache(maxsize=1)
+def _boxes(blocks: int, first: int) -> _Boxes:
+    """Return the boxes of up to an eighth of the blocks, which all axes share."""
+    places, length = list[tuple[float, float]](), 1.0
+    while length <= blocks / 8:
+        begins = np.arange(first, blocks - first - length, max(0.5, length / 8))
+        places += [(begin, begin + length) for begin in begins]
+        length *= 1.5 if length < 2 else 2**0.5
+    grid, corners = grid_of(blocks), np.array(places)
+    courses = _box_courses(corners, grid)
+    return _Boxes(corners, courses, courses**2 @ grid.weights[: _WALKS.size].T)
+
+
+def _box_courses(places: Matrix, grid: NoiseGrid) -> Matrix:
+    """Return the transformed boxes between pairs of places (P, 2)."""
+    ramps = np.clip(np.arange(1, len(grid.transform) + 2) - places[:, :, None], 0.0, 1.0)
+    return np.asarray(np.diff(ramps[:, 0] - ramps[:, 1], axis=1) @ grid.transform)
 
 
 class CoursePairs(NamedTuple):
@@ -173,24 +214,39 @@ class Likelihood:
         """Return the smallest −2 log L with the first of p transformed courses, with the first two, … together (p,)."""
         root = np.linalg.cholesky(_gram(self.grid.weights, courses))
         cross = np.linalg.solve(root, (self.grid.weights @ (courses * self.z).T)[:, :, None])[:, :, 0]
-        return np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0)
+        return np.asarray(np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0))
 
-    def best_step(self, first: int) -> tuple[float, float, Vector]:
-        """Return the reduction of −2 log L by the best jump, its place (blocks), and the weights of the noise model."""
-        n, grid = self.z.size, self.grid
-        between = n - 2 * (first - 1)
-        taken = np.empty((len(grid.weights), 2 * between - 1))
-        taken[:, :between] = (grid.weights * self.z) @ grid.transform[:, first - 1 : n + 1 - first]
-        np.add(taken[:, 1:between], taken[:, : between - 1], out=taken[:, between:])
-        taken[:, between:] /= 2
-        taken *= taken
-        taken /= _squares(n + 1, first)
-        best = np.argmax(taken, axis=1)
-        values = self._minus2(self._flat - taken[np.arange(best.size), best], grid.logs)
-        model = int(np.argmin(values))
-        shape = int(best[model])
-        place = first + shape if shape < between else first + shape - between + 0.5
-        return float(np.min(self.without().values) - values[model]), float(place), grid.weights[model]
+    def best_change(self, first: int, *, settles: bool = False) -> Change:
+        """Return the reduction of −2 log L by the best jump, or settling, its place and time constant (blocks), and the
+        weights of the noise model. The place of a shape is the best one beside white noise and a walk."""
+        shapes = slice(1, None) if settles else slice(1)
+        places, times, courses, squares = _changes(self.z.size + 1, first)
+        taken = (courses[shapes] @ (self.grid.weights[: _WALKS.size] * self.z).T) ** 2 / squares[shapes]
+        values = self._minus2(self._flat[: _WALKS.size] - taken, self.grid.logs[: _WALKS.size])
+        best = np.argmin(np.min(values, axis=2), axis=1)
+        values = self.with_one(courses[shapes][np.arange(best.size), best]).values
+        model, shape = np.unravel_index(np.argmin(values), values.shape)
+        gain = float(np.min(self.without().values) - values[model, shape])
+        return gain, float(places[best[shape]]), float(times[shapes][shape]), self.grid.weights[model]
+
+    def best_box(self, first: int) -> tuple[float, tuple[float, float], Vector]:
+        """Return the reduction of −2 log L by the best box, its places (blocks), and the weights of the noise model,
+        beside white noise and a random walk."""
+        boxes, models = _boxes(self.z.size + 1, first), slice(_WALKS.size)
+        taken = (boxes.courses @ (self.grid.weights[models] * self.z).T) ** 2 / boxes.squares
+        best = np.argmax(taken, axis=0)
+        values = self.with_one(boxes.courses[best]).values
+        model, shape = np.unravel_index(np.argmin(values), values.shape)
+        places, weights = boxes.places[best[shape]], self.grid.weights[model]
+        for k in (0, 1, 0, 1):
+            # The grid of places is as wide as an eighth of the length, and lengths are 41 % apart.
+            near = np.repeat(places[None, :], 41, axis=0)
+            near[:, k] += np.linspace(-0.25, 0.25, 41) * (places[1] - places[0])
+            near = near[(near[:, 0] >= first) & (near[:, 1] <= self.z.size + 1 - first)]
+            courses = _box_courses(near, self.grid)
+            places = near[np.argmax((courses @ (weights * self.z)) ** 2 / (courses**2 @ weights))]
+        begin, end = places.tolist()
+        return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
 
     def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""

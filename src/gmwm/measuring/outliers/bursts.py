@@ -265,18 +265,20 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
     from scipy.special import bdtrc
 
     ratio = np.abs(level.w) / level.limit(level.at)
-    # Parts of a pulse between two blocks are weak. They are looked for once several pulses are known.
-    chosen = ratio > (4.0 if fewest > 1 else _SMALL)
-    at, w, ratio = level.at[chosen], level.w[chosen], ratio[chosen]
+    at, w = level.at, level.w
     # Pulses of up to about 100 samples; longer ones are popcorn noise.
     if at.size < 2 * fewest or not 3 <= level.number <= 6:
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     ends = np.append(begins[1:], at.size) - 1
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
-    # Gaussian noise has no coefficient of 6.5 standard deviations.
+    # Gaussian noise has no coefficient of 5.5 standard deviations. Between two blocks, a pulse is weak; such parts are
+    # looked for once several pulses are known.
     largest_ratio = np.maximum.reduceat(ratio, begins)
-    chosen = (largest_ratio > (6.5 if fewest > 1 else 5.5)) & (positive > 0) & (positive <= ends - begins)
+    returns = (positive > 0) & (positive <= ends - begins)
+    if fewest == 1:  # a pulse at an end of the panel has one edge
+        returns |= (at[begins] < 2) | (at[ends] > level.size - 3)
+    chosen = returns & (largest_ratio > (5.5 if fewest > 1 else 5.0))
     for k in np.flatnonzero(chosen).tolist():
         first, last = int(at[begins[k]]), int(at[ends[k]])
         begin, end = first << level.number - 1, (last + 2) << level.number - 1
@@ -284,10 +286,10 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
         chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
-    # t noise with three degrees of freedom has (6.5/4)³ times as many beyond 4, and popcorn noise lasting changes.
-    count, gaussian = np.count_nonzero(chosen), 6.3e-5 * level.size
+    # t noise with three degrees of freedom has (5.5/3.5)³ times as many beyond 3.5, and popcorn noise lasting changes.
+    count, gaussian = np.count_nonzero(chosen), 4.7e-4 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)
-    if count < fewest or (fewest > 1 and bdtrc(count - 1, others, (4.0 / 6.5) ** 3) > 0.003):
+    if count < fewest or (fewest > 1 and bdtrc(count - 1, others, (_SMALL / 5.5) ** 3) > 0.003):
         return _NO_BURSTS
     return _LevelBursts(at[begins[chosen]], at[ends[chosen]], np.add.reduceat(w**2, begins)[chosen])
 

@@ -22,11 +22,9 @@ from gmwm.recording.signals import Signal
 
 APART = 1.5
 """θ over a lower threshold; few residuals are between them. Rates of decisions: docs/validation/tails.md (all here)."""
-MORE = 1.6
-"""Largest ratio of residuals beyond θ / 1.5 to beyond θ; it is 2.25 for a tail with infinite variance."""
+MORE = 1.6  # largest ratio of residuals beyond θ / 1.5 to beyond θ; it is 2.25 for a tail with infinite variance
 CERTAIN = 1e-6  # largest probability, under the bulk, of the number of residuals beyond θ
-FALSE = 0.1
-"""Largest expected share of correct samples beyond θ; as many residuals, chosen at random, are kept."""
+FALSE = 0.1  # largest expected share of correct samples beyond θ; as many residuals, chosen at random, are kept
 LEAST = 4.0  # smallest threshold, in local standard deviations
 MOST = 0.1  # largest share of spikes among the samples
 RUN = 3

@@ -23,8 +23,7 @@ from gmwm.recording.signals import Signal
 
 TEMPERATURE_PVALUE = 0.05
 """With the automatic choice, the temperature is used if the p-value of its F test is below this level."""
-COLUMN_PVALUE = 0.01
-"""The automatic choice adds a column if the p-value of its t test is below this level."""
+COLUMN_PVALUE = 0.01  # the automatic choice adds a column if the p-value of its t test is below this level
 DIFFERENT_ERRORS = 4.0
 """A remark is made if coefficients of long and of all scales differ by more standard errors (of the former)."""
 OPTIMISM = 2.0

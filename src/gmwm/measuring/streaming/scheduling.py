@@ -18,8 +18,7 @@ from gmwm.base.threads import processors
 if TYPE_CHECKING:
     from distributed import Client
 
-SCHEDULER_WAIT_S = 10
-"""Time (s) within which a scheduler must answer. It is a choice, longer than the delay of any network."""
+SCHEDULER_WAIT_S = 10  # time (s) within which a scheduler must answer: a choice, longer than the delay of any network
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """Code that a worker runs first, so that Ctrl-C, which reaches all processes, leaves it to the parent."""
 

@@ -23,18 +23,15 @@ from gmwm.base.arrays import Matrix, Vector, runs_of
 Places = NDArray[np.int64]
 Range = tuple[int, int]
 
-PREDICTING_NEIGHBOURS = 32
-"""Number of neighbours on each side that predict a lost sample. All constants here are measured in tests/filling."""
+# All constants here are measured in tests/filling.
+PREDICTING_NEIGHBOURS = 32  # number of neighbours on each side that predict a lost sample
 LONGEST_PREDICTED_SAMPLES = 64  # longest gap (samples) that is predicted from neighbours
 WIDEST_MEAN_SAMPLES = 1 << 16  # largest width w of the means on both sides of a gap (samples)
-_RIDGE = 1e-3
-"""Relative white noise in the autocovariance; it limits weights of neighbours, maybe lost, of smooth signals."""
-_TRAINING, _WINDOWS = 1 << 14, 1 << 12
-"""Numbers of positions in the signal from which the width, and the autocovariance, are estimated."""
+_RIDGE = 1e-3  # relative white noise in the autocovariance; it limits weights of neighbours of smooth signals
+_TRAINING, _WINDOWS = 1 << 14, 1 << 12  # numbers of positions from which width and autocovariance are estimated
 _CLEAN = 8  # number of samples that must also be known on each side of the position from which a residual is taken
 _TRIALS = 64  # largest number of trials to find such a position
-_SWEEPS, _GROUPS = 3, 4
-"""Draws of each sample, as lost neighbours depend on each other, and groups of gaps that are drawn in turn."""
+_SWEEPS, _GROUPS = 3, 4  # draws of each sample, as lost neighbours depend on each other, and groups drawn in turn
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:

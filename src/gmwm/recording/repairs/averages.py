@@ -15,8 +15,9 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
 from gmwm.recording.resolution import step_of
-from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import cut_base
 
 _LENGTH, _MOST = 4096, 128  # length of the periodograms, and largest number of them
@@ -65,24 +66,10 @@ def averaged(recording: Imu | Streamed, length: int, memories: Mapping[str, floa
     density 1 − d + d cos ω, d = m / length; a first-order recursion undoes it."""
     if not isinstance(recording, Imu):
         return _AveragedStream(recording, length, memories)
-    first = recording.signals[recording.axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: signal.values for axis, signal in recording.signals.items()}
-    samples = Samples(values, recording.rate, first=0, segment=0, runs=runs, temperature=recording.temperature)
     averages = _Averages(length, recording.rate, memories)
-    (part,) = averages.of([samples])
-    ranges = list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=part.values[axis], rate=part.rate, unit=signal.unit, axis=axis,
-            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
-            gaps_known=first.gaps_known or len(first.segments) == 1,
-        )
-        for axis, signal in recording.signals.items()
-    }  # fmt: skip
-    base = averages.time_base(recording.time_base or TimeBase(recording.rate, start=first.start))
-    remarks = (*recording.remarks, *_remarks(recording.axes, length, recording.rate))
-    return replace(recording, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+    (part,) = averages.of([samples_of(recording, recording.axes)])
+    base = averages.time_base(time_base_of(recording))
+    return with_samples(recording, part, base, _remarks(recording.axes, length, recording.rate))
 
 
 class _Averages:
@@ -148,31 +135,18 @@ class _Averages:
         return np.asarray(values)
 
 
-class _AveragedStream:
+class _AveragedStream(Stage):
     """A recording in a file whose samples are averaged while they are read."""
 
     def __init__(self, stream: Streamed, length: int, memories: Mapping[str, float]) -> None:
-        self._stream, self._length, self._memories = stream, length, memories
-        self._averages: _Averages | None = None
-        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate / length
-        self.has_temperature, self.rows = stream.has_temperature, stream.rows // length
-
-    @property
-    def remarks(self) -> tuple[Remark, ...]:
-        """Remarks of the stream and on the averages."""
-        return (*self._stream.remarks, *_remarks(self.axes, self._length, self._stream.rate))
-
-    @property
-    def time_base(self) -> TimeBase:
-        """Properties of the time stamps; after an iteration those of the means."""
-        base = self._stream.time_base
-        return base if self._averages is None else self._averages.time_base(base)
+        super().__init__(stream, every=length)
+        self._length, self._memories, self._remarks = length, memories, _remarks(stream.axes, length, stream.rate)
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the means."""
         averages = _Averages(self._length, self._stream.rate, self._memories)
         yield from averages.of(self._stream.samples())
-        self._averages = averages
+        self._base = averages.time_base(self._stream.time_base)
 
 
 def _remarks(axes: Iterable[str], length: int, rate: float) -> tuple[Remark, ...]:

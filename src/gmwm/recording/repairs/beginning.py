@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Remark
-from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.stage import Stage
 from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import Trimmer
 
@@ -22,24 +22,12 @@ def without_beginning(recording: Imu | Streamed, start: float) -> Imu | Streamed
     return _LaterStream(recording, start)
 
 
-class _LaterStream:
+class _LaterStream(Stage):
     """A recording in a file whose beginning is left out while it is read."""
 
     def __init__(self, stream: Streamed, start: float) -> None:
-        self._stream, self._start = stream, start
-        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate
-        self.has_temperature, self.rows = stream.has_temperature, stream.rows
-        self._base: TimeBase | None = None
-
-    @property
-    def remarks(self) -> tuple[Remark, ...]:
-        """Remarks of the stream."""
-        return self._stream.remarks
-
-    @property
-    def time_base(self) -> TimeBase:
-        """Properties of the time stamps, of the later part after an iteration."""
-        return self._base or self._stream.time_base
+        super().__init__(stream)
+        self._start = start
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""
@@ -77,23 +65,12 @@ def _level(values: Vector, first: int, jumps: Sequence[tuple[int, float]]) -> Ve
     return freeze(level)
 
 
-class _LevelStream:
+class _LevelStream(Stage):
     """A recording in a file, from which jumps are subtracted while it is read."""
 
     def __init__(self, stream: Streamed, jumps: Jumps, remarks: Sequence[Remark]) -> None:
-        self._stream, self._jumps, self._remarks = stream, jumps, tuple(remarks)
-        self.source, self.axes, self.rate = stream.source, stream.axes, stream.rate
-        self.has_temperature, self.rows = stream.has_temperature, stream.rows
-
-    @property
-    def remarks(self) -> tuple[Remark, ...]:
-        """Remarks of the stream and on the jumps."""
-        return (*self._stream.remarks, *self._remarks)
-
-    @property
-    def time_base(self) -> TimeBase:
-        """Properties of the time stamps."""
-        return self._stream.time_base
+        super().__init__(stream)
+        self._jumps, self._remarks = jumps, tuple(remarks)
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""

@@ -14,10 +14,13 @@ from gmwm.base.units import sensor_of
 from gmwm.recording.batches import Batch
 from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
 from gmwm.recording.repairs.repeats import (
+    LIMITS,
     Indices,
     Mask,
     Repeats,
+    beyond_chance,
     fraction,
+    held_by_chance,
     in_long_runs,
     is_slow,
     offsets,
@@ -34,7 +37,7 @@ a thousand exceeds (tests/recording/test_repairs.py)."""
 _COARSE = 0.4
 """Share of values that return after another; above, a coarse output stays at a value, so it is not tested."""
 _MOST_FROZEN = 0.1
-"""Largest share of frozen samples that are treated as gaps. A longer standstill is a fault of the sensor."""
+"""Largest share of samples in standstills of a 64th of the recording that are treated as gaps."""
 _MOST_DEAD = 0.5  # largest share of the recording that is left out at its beginning
 _UNLIKELY = 1e-3  # largest expected number of straight runs by chance
 _OF_STEP, _ON_GRID = 1 << 15, 0.01
@@ -75,12 +78,16 @@ class RepairPlan:
     def reach(self) -> int:
         """Number of samples around a sample that decide whether it is left out."""
         runs = [*self.frozen.values(), *self.straight.values(), round(64 * self.every)]
-        return 2 + max(runs)
+        return 2 + max(runs) + (2 * LIMITS.reach if self.repeats is not None and self.repeats.chance else 0)
 
-    def left_out(self, values: Mapping[str, Vector], begins: Indices) -> dict[str, Mask]:
-        """Return masks of the samples that are left out because they repeat, are frozen, or are interpolated."""
+    def left_out(self, values: Mapping[str, Vector], begins: Indices, first: int = 0) -> dict[str, Mask]:
+        """Return masks of the samples, numbered from `first`, that repeat, are frozen, or are interpolated."""
         masks = dict[str, Mask]()
-        if self.repeats is not None:
+        if self.repeats is not None and self.repeats.chance is not None:
+            outputs = [values[axis] for axis in self.axes]
+            name = "frozen" if self.repeats.kind == "frozen" else "repeated"
+            masks[name] = beyond_chance(outputs, repeats(outputs, begins), self.repeats.chance, first)
+        elif self.repeats is not None:
             same = repeats([values[axis] for axis in self.axes], begins)
             exact = self.repeats.exact and self.repeats.by_chance
             masks["repeated"] = offsets(same) % round(self.every) != 0 if exact else same
@@ -129,7 +136,7 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
         patterns = _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates)
         for axis, (pattern, repeated) in patterns.items():
             groups.setdefault(pattern, []).append(axis)
-            if pattern is not None and pattern.kind == "lost":
+            if pattern is not None and pattern.kind in ("lost", "frozen"):
                 lost[axis] = repeated
     plans = [
         _plan(axis, pattern, signals[axis].values, same[axis], begins=begins)
@@ -142,11 +149,27 @@ def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dic
     """Return how and where values of each axis of a sensor repeat: on all axes together, or else on each axis alone."""
     same = np.logical_and.reduce([alone for _, alone in axes.values()])
     pattern = repeats_of([values for values, _ in axes.values()], same, duplicates)
-    # Independent axes repeat together as often as chance, up to a factor of 2.
-    chance = math.prod(fraction(alone) for _, alone in axes.values())
-    if pattern is None or (len(axes) > 1 and fraction(same) < 2 * chance):
-        return {axis: (repeats_of([values], alone, duplicates), alone) for axis, (values, alone) in axes.items()}
+    # How much more often axes repeat together than independent ones would: up to 2 by chance.
+    together = fraction(same) / max(math.prod(fraction(alone) for _, alone in axes.values()), 1 / same.size)
+    if pattern is None or (len(axes) > 1 and together < 2):
+        pattern = _held([values for values, _ in axes.values()], same) if len(axes) > 1 and together > 1.2 else None
+    if pattern is None:
+        return {
+            axis: (repeats_of([values], alone, duplicates) or _held([values], alone), alone)
+            for axis, (values, alone) in axes.items()
+        }
     return dict.fromkeys(axes, (pattern, same))
+
+
+def _held(outputs: list[Vector], same: Mask) -> Repeats | None:
+    """Return how values are held beyond chance, but not if the output stands still for a long time."""
+    pattern = held_by_chance(outputs, same)
+    return None if pattern is None or _stands_still(same) else pattern
+
+
+def _stands_still(same: Mask) -> bool:
+    """Return whether much of the recording is in long standstills, which are a fault of the sensor."""
+    return fraction(in_long_runs(same, max(same.size // 64, _FROZEN))) > _MOST_FROZEN
 
 
 def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, begins: Indices) -> RepairPlan:
@@ -156,8 +179,7 @@ def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, beg
     if pattern is None:
         levels, slower = two_levels_of(values), slower_rate(values[: int(begins[1]) if begins.size > 1 else None])
         frozen = _frozen_length(values, same)
-        share = np.mean(in_long_runs(same, frozen)[dead:]) if frozen else 0.0
-        frozen = frozen if 0 < share <= _MOST_FROZEN else 0
+        frozen = frozen if np.any(in_long_runs(same, frozen)[dead:]) and not _stands_still(same[dead:]) else 0
         line = _straight_length(values, begins)
     found = {
         "frozen": frozen, "straight": line, "wraps": modulus_of(values), "counts": count_of(values), "levels": levels,

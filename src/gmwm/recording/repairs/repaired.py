@@ -16,7 +16,8 @@ from gmwm.recording.chunks import Samples
 from gmwm.recording.repairs.averages import SteepFilter, averaged, steep_filters
 from gmwm.recording.repairs.plan import RepairPlan, plans_of
 from gmwm.recording.repairs.repeats import Indices
-from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
+from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import cut_base
 
 
@@ -87,7 +88,9 @@ class Repair:
         """Yield the samples that are kept of those with the numbers first … stop − 1."""
         plan = self.plan
         begins = [sample for sample, _ in window.runs if sample >= window.first]
-        masks = plan.left_out(window.values, np.unique([0, *(sample - window.first for sample in begins)]))
+        masks = plan.left_out(
+            window.values, np.unique([0, *(sample - window.first for sample in begins)]), window.first
+        )
         a, b = first - window.first, stop - window.first
         self._all += b - a
         left_out = np.zeros(b - a, dtype=np.bool_)
@@ -164,12 +167,12 @@ class Repair:
             cases["held"] = plan.axes, facts
         elif plan.repeats is not None and plan.repeats.kind == "twice":
             cases["twice"] = ("",), {"count": counts["repeated"]}
-        elif plan.repeats is not None:
+        elif plan.repeats is not None and plan.repeats.kind == "lost":
             cases["repeated"] = plan.axes, self._count_and_share("repeated")
         if counts["frozen"]:
             time, longest = Quantity(counts["frozen"] / old, "s"), Quantity((self._frozen[0] + 1) / old, "s")
             cases["frozen"] = (
-                plan.frozen,
+                plan.frozen or plan.axes,
                 {"time": time, "longest": longest, "share": 100 * counts["frozen"] / self._all},
             )
         if counts["interpolated"]:
@@ -202,55 +205,24 @@ class Repair:
         return {"count": self._counts[name], "share": 100 * self._counts[name] / self._all}
 
 
-class RepairedStream:
+class RepairedStream(Stage):
     """A recording in a file whose samples are repaired while they are read."""
 
     def __init__(self, stream: Streamed, plan: RepairPlan) -> None:
-        self._stream, self._plan = stream, plan
-        self._repair: Repair | None = None
-        self.source, self.axes, self.rate = stream.source, plan.axes, stream.rate / plan.every
-        self.has_temperature, self.rows = stream.has_temperature, round(stream.rows / plan.every)
-
-    @property
-    def remarks(self) -> tuple[Remark, ...]:
-        """Remarks of the stream, and after an iteration on what was changed."""
-        if self._repair is None:
-            return (*self._stream.remarks, *Repair(self._plan, self._stream.rate).remarks_before())
-        return (*self._stream.remarks, *self._repair.remarks())
-
-    @property
-    def time_base(self) -> TimeBase:
-        """Properties of the time stamps; after an iteration those of the samples that were kept."""
-        base = self._stream.time_base
-        return base if self._repair is None else self._repair.time_base(base)
+        super().__init__(stream, plan.axes, plan.every)
+        self._plan, self._remarks = plan, Repair(plan, stream.rate).remarks_before()
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples that are kept."""
         repair = Repair(self._plan, self._stream.rate)
         yield from repair.apply(self._stream.samples(), self._plan.reach)
-        self._repair = repair
+        self._remarks, self._base = repair.remarks(), repair.time_base(self._stream.time_base)
 
 
 def _repaired_imu(imu: Imu, plan: RepairPlan) -> Imu:
-    first = imu.signals[plan.axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: imu.signals[axis].values for axis in plan.axes}
-    samples = Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
     repair = Repair(plan, imu.rate)
-    (part,) = repair.apply([samples], 0)
-    ranges = list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=part.values[axis], rate=repair.rate, unit=imu.signals[axis].unit, axis=axis,
-            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
-            gaps_known=first.gaps_known or len(first.segments) == 1,
-        )
-        for axis in plan.axes
-    }  # fmt: skip
-    base = repair.time_base(imu.time_base or TimeBase(imu.rate, start=first.start))
-    return replace(
-        imu, signals=signals, remarks=(*imu.remarks, *repair.remarks()), time_base=base, temperature=part.temperature
-    )
+    (part,) = repair.apply([samples_of(imu, plan.axes)], 0)
+    return with_samples(imu, part, repair.time_base(time_base_of(imu)), repair.remarks())
 
 
 def _joined(before: Samples, after: Samples) -> Samples:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -82,6 +83,10 @@ class RepeatLimits:
     """Variance of repeats in windows over that of random ones, 1 ± 0.3, up to which a log is regular."""
     short_chance: float = 1e-3
     """Largest probability that random repeats look regular, for a short log with a regular pattern."""
+    reach: int = 1000  # samples on each side of one from which the probability of its value is estimated
+    smoothest: float = 1.3  # largest roughness whose equal neighbours are examined; a walk has 1.41, smooth noise 2
+    clear: float = 4.5  # smallest excess of equal neighbours that is a finding, in standard errors
+    false_share: float = 0.1  # largest expected share of chance among the runs of equal samples that are left out
     written_twice: float = 0.1
     """Relative difference of repeated stamps and samples of rows written twice (tests/test_inspection.py)."""
 
@@ -92,14 +97,25 @@ _PER_WINDOW, _WINDOWS = 30, 10  # expected number of repeats in such a window, a
 
 
 @dataclass(frozen=True)
-class Repeats:
-    """How values repeat: "held" by a faster logger, "lost" samples, or rows written twice. `every` counts samples per
-    value, `exact` if always the same; `by_chance`: neighbours of a coarse output can be equal."""
+class Chance:
+    """Which equal neighbours chance does not explain: runs of L samples, of a value of probability p, with a logarithm
+    of (ρp)^(L − 1) up to `limit`, and a `share` h / (h + ρp) of the others; ρ is the `roughness` of each axis."""
 
-    kind: Literal["held", "lost", "twice"]
+    limit: float
+    share: float
+    roughness: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """How values repeat: "held" by a faster logger, "lost" or "frozen" samples, or rows written twice. `every` counts
+    samples per value, `exact` if always the same; `by_chance`: neighbours of a coarse output can be equal."""
+
+    kind: Literal["held", "lost", "frozen", "twice"]
     every: float = 1.0
     exact: bool = False
     by_chance: bool = False
+    chance: Chance | None = None
 
 
 def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> Repeats | None:
@@ -160,3 +176,98 @@ def _is_regular(same: Mask, share: float, lengths: Indices) -> bool:
     # The median ignores windows in which the output froze.
     spread = 1.4826 * float(np.median(np.abs(counts - np.median(counts))))
     return spread**2 < LIMITS.regular_ratio * window * share * (1 - share)
+
+
+def held_by_chance(axes: Sequence[Vector], same: Mask) -> Repeats | None:
+    """Return how values of axes that can be equal by chance are held together; None if chance explains `same`.
+
+    Three samples of white noise are exchangeable, so a, a, b is as frequent as a, b, a. Correlation makes neighbours
+    equal ρ times as often, and three different samples monotone more often than 1 in 3, which determines ρ."""
+    starts = np.flatnonzero(~same)
+    lengths = np.diff(np.append(starts, same.size))
+    if same.size - starts.size < LIMITS.least_share * same.size or starts.size < 10 * LIMITS.least_changes:
+        return None
+    roughness = tuple(_roughness(values) for values in axes)
+    factor = max(math.prod(roughness), 1.0)
+    if max(roughness) > LIMITS.smoothest:
+        return None
+    pairs = np.count_nonzero(same[1:-1] != same[2:]) / 2
+    returns = np.count_nonzero(np.logical_and.reduce([values[2:] == values[:-2] for values in axes]) & ~same[2:])
+    error = math.sqrt(pairs / 2 + factor**4 * returns + 1)
+    is_clear = pairs - factor**2 * returns > LIMITS.clear * error
+    if not is_clear and not _has_long_runs(lengths, factor * returns / starts.size):
+        return None
+    chance = _by_chance(axes, starts, roughness)
+    logs = (lengths - 1) * np.log(chance)
+    # In noise whose spread varies, a value stays with at most the root of its probability.
+    sure = logs / 2 <= _limit_of(logs / 2)
+    if not is_clear and np.sum(lengths[sure] - 1) < LIMITS.least_share * same.size:
+        return None
+    limit = _limit_of(logs)
+    long, other = logs <= limit, logs > limit
+    share = np.sum((lengths - 1 - chance * lengths)[other]) / max(np.sum(lengths[other]), 1)
+    if not is_clear or share < max((factor - 1) * np.average(chance, weights=lengths), LIMITS.least_share):
+        share = 0.0
+    is_frozen = np.sum(lengths[long & (lengths > 3)]) > share * same.size
+    return Repeats("frozen" if is_frozen else "lost", chance=Chance(limit, float(share), roughness))
+
+
+def _roughness(values: Vector) -> float:
+    """Return how much more often neighbours are equal than samples two apart; infinity if too few samples differ."""
+    steps = np.diff(values)
+    turns = steps[1:] * steps[:-1]
+    different = (turns != 0) & (values[2:] != values[:-2])
+    count = np.count_nonzero(different)
+    if count < max(10 * LIMITS.least_changes, 0.01 * values.size):
+        return math.inf
+    # The correlation of neighbouring differences is ρ²/2 − 1, and they have one sign with probability 1/2 + asin(·)/π.
+    same_sign = np.count_nonzero(different & (turns > 0)) / count
+    return max(math.sqrt(2 + 2 * math.sin(math.pi * (same_sign - 0.5))), 1.0)
+
+
+def _has_long_runs(lengths: Indices, share: float) -> bool:
+    """Return whether more samples are late in runs of equal ones than if this share of Gaussian values returns."""
+    late = [np.sum(np.maximum(lengths - m, 0)) / np.sum(lengths) - (1.8 * share) ** m for m in (3, 7, 15, 31)]
+    return bool(max(late) > LIMITS.least_share / 2)
+
+
+def _by_chance(axes: Sequence[Vector], starts: Indices, roughness: tuple[float, ...]) -> Vector:
+    """Return the probability that the sample after each of `starts` is equal on all axes by chance: how often the value
+    returns after another one nearby, and for rare values its frequency."""
+    chance = np.ones(starts.size)
+    for values, rough in zip(axes, roughness, strict=True):
+        _, value = np.unique(values, return_inverse=True)
+        ends = np.flatnonzero(values[1:] != values[:-1])
+        returns = ends[:-1][values[np.minimum(ends[:-1] + 2, values.size - 1)] == values[ends[:-1]]]
+        visits = _near(value, ends, starts)
+        frequency = np.maximum(visits - 1, 0) / np.maximum(_near(np.zeros_like(value), ends, starts), 1)
+        # A rare value returns too seldom: its frequency counts as 20 visits.
+        chance *= np.minimum(rough * (_near(value, returns, starts) + 20 * frequency) / (visits + 20), 0.99)
+    return np.maximum(chance, 1e-12)
+
+
+def _near(value: Indices, events: Indices, places: Indices) -> Indices:
+    """Return the number of events with the value of each place within `LIMITS.reach` samples."""
+    far = value.size + 2 * LIMITS.reach
+    ordered, at = np.sort(value[events] * far + events), value[places] * far + places
+    return np.asarray(
+        np.searchsorted(ordered, at + LIMITS.reach, "right") - np.searchsorted(ordered, at - LIMITS.reach)
+    )
+
+
+def _limit_of(logs: Vector) -> float:
+    """Return the largest logarithm of a probability among which at most `false_share` are chance (Benjamini and
+    Hochberg 1995, JRSS B 57)."""
+    ordered = np.sort(logs)
+    chosen = np.flatnonzero(np.exp(ordered) * logs.size <= LIMITS.false_share * np.arange(1, logs.size + 1))
+    return float(ordered[chosen[-1]]) if chosen.size and ordered[chosen[-1]] < 0 else -math.inf
+
+
+def beyond_chance(axes: Sequence[Vector], same: Mask, chance: Chance, first: int) -> Mask:
+    """Return the samples of `same`, numbered from `first`, that are held, not equal to the one before by chance."""
+    starts = np.flatnonzero(~same)
+    lengths = np.diff(np.append(starts, same.size))
+    equal = _by_chance(axes, starts, chance.roughness)
+    held = np.where((lengths - 1) * np.log(equal) <= chance.limit, 1.0, chance.share / (chance.share + equal))
+    # Multiples of the golden ratio choose a share of any samples in the same way in each portion.
+    return np.asarray(same & ((first + np.arange(same.size)) * 0.618033988749895 % 1 < np.repeat(held, lengths)))
