@@ -101,9 +101,7 @@ def test_a_window_beside_a_motion_belongs_to_it_at_twice_the_usual_deviation(fac
     values = ALTERNATING.copy()
     values[10_000:11_000] *= 8.0
     values[11_000:12_000] *= factor
-    (remark,) = (
-        r for r in inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks if r.code == "recording-moved:moved"
-    )
+    (remark,) = (r for r in inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks if r.code == "recording-moved")
     assert remark.facts["ranges"] == ((98.0, end),)
 
 
@@ -228,3 +226,11 @@ def test_knocks_that_change_no_number_have_no_remark(deviation, named):
     found = inspect(Imu({"gyro_x": Signal(x, 100.0, "rad/s", axis="gyro_x")}))
     assert (len(found.knocks), found.has_knocks) == (1, named)
     assert ("change N by less than 0.5 %" in found.summary()) is not named
+
+
+def test_exchanged_columns_are_named_instead_of_motion():
+    x = np.random.default_rng(1).normal(scale=1e-3, size=(6, 6400))
+    x[2] += STANDARD_GRAVITY
+    remarks = inspect(Imu.from_arrays(dict(zip(AXES, x, strict=True)), rate=100.0)).remarks
+    assert only(remarks, "unit-doubtful:exchanged").subject == "gyro_z"
+    assert not [code for code in codes(remarks) if code.startswith("recording-moved")]

@@ -264,4 +264,5 @@ def test_all_topics_of_a_file(gmwm, tmp_path):
     for topic in ("I=0", "I=1"):
         assert (tmp_path / "results" / topic / "calibration.json").is_file()
         assert len(done.json["topics"][topic]["axes"]) == 6
+        assert (tmp_path / "results" / topic / "summary.txt").read_text().startswith(f"Topic {topic}\n")
     assert gmwm("calibrate", tmp_path / "imu.csv", "--all-topics", "--topic", "I=0").code == 2

@@ -16,6 +16,7 @@ import scipy.io
 
 import gmwm
 from gmwm.base.errors import DataError, ReadError
+from gmwm.files.formats import line_forms
 from gmwm.files.formats.archive import MAX_TABLES
 from gmwm.files.formats.byte_sources import PackedError
 from tests.helpers import codes, only, raises, warns
@@ -310,3 +311,11 @@ def test_a_fork_after_polars_is_refused_where_polars_would_wait(tmp_path, before
         [sys.executable, "-W", "ignore", "-c", FORK, str(tmp_path), before, after], timeout=100, check=False
     )
     assert done.returncode == code
+
+
+def test_the_parts_of_stamps_are_searched_in_linear_time(monkeypatch):
+    calls = []
+    monkeypatch.setattr(line_forms, "_may_be_seconds", lambda name: calls.append(name) or False)
+    names = [f"value {k}" for k in range(3000)]
+    assert line_forms.find_parts(names, [["0"] * 3000] * 3) is None
+    assert len(calls) == 3000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
@@ -35,7 +36,8 @@ def axis_lines(calibration: Calibration) -> list[str]:
     for sensor, axes in by_sensor(calibration.axes).items():
         lines += [*([""] if lines else []), *_axes_table(sensor.capitalize() or "Axes", axes, verdicts)]
     for axis, reason in calibration.failed.items():
-        lines.append(f"{axis}  ✗ not calibrated: {reason}"[:TEXT_WIDTH])
+        start = f"{axis}  ✗ not calibrated: "
+        lines.append(start + textwrap.shorten(reason, TEXT_WIDTH - len(start), placeholder=" …"))
     return lines
 
 

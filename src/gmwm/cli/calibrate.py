@@ -237,14 +237,9 @@ def calibrate(
             chosen = replace(options, axes=axes, models=models)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
         return _outcome(
-            calibration,
-            files,
-            output,
-            view=view or "auto",
-            units=picture_units(datasheet),
-            details=details,
-            helpers=processes,
-        )
+            calibration, files, output, view=view or "auto", units=picture_units(datasheet), details=details,
+            helpers=processes, topic=readings[0].topic if all_topics else None,
+        )  # fmt: skip
 
     apart = separate_topics(files, reading)
     if apart:
@@ -288,14 +283,15 @@ def _unite(
 
 def _outcome(
     found: Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
-    details: bool, helpers: Helpers,
+    details: bool, helpers: Helpers, topic: str | None,
 ) -> Outcome:  # fmt: skip
-    """Return the outcome of the command, with the files to write."""
+    """Return the outcome of the command, with the files to write; `topic` heads the summary of one of several."""
     plots = None if output is None else helpers.begin(pictures, found, view, units)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
-        files_of_calibration = calibration_files(found, output, document=document, text=text, plots=plots)
+        named = text if topic is None else f"Topic {topic}\n{text}"
+        files_of_calibration = calibration_files(found, output, document=document, text=named, plots=plots)
     kalibr = KalibrFile() if output is None else kalibr_file(found, output)
     written = file_names((*files_of_calibration, *kalibr.files))
     return Outcome(

@@ -295,7 +295,7 @@ def cross_covariance(
               for name, wv in curves.items()}  # fmt: skip
     freedom = {(a, b): _freedom(models[a], models[b], design) for a, b in moments}
     correlation = {
-        (a, b): np.clip(gamma / np.sqrt(curves[a].variance * curves[b].variance), -1.0, 1.0)
+        (a, b): np.clip(gamma / np.sqrt(curves[a].variance) / np.sqrt(curves[b].variance), -1.0, 1.0)
         for (a, b), gamma in moments.items()
     }
     least = LEAST_FREEDOM_ROBUST if robust else LEAST_FREEDOM

@@ -232,10 +232,11 @@ class StampParts:
 def find_parts(names: Sequence[str], rows: Sequence[Sequence[str]]) -> StampParts | None:
     """Find columns of two-part stamps by names or units; the fraction begins again in each second."""
     columns = [k for k, name in enumerate(names) if not recognise(name).axis.startswith(("gyro", "accel"))]
-    for k in sorted(columns, key=lambda k: not _may_be_seconds(names[k])):
-        for other in columns:
-            named = _may_be_seconds(names[k]) or _units(names[other]) > 1
-            if other != k and named and (parts := _fitting(k, other, names[other], rows[:_MOST_ROWS])) is not None:
+    seconds = {k for k in columns if _may_be_seconds(names[k])}
+    fractions = [k for k in columns if _units(names[k]) > 1]
+    for k in sorted(columns, key=lambda k: k not in seconds):
+        for other in columns if k in seconds else fractions:
+            if other != k and (parts := _fitting(k, other, names[other], rows[:_MOST_ROWS])) is not None:
                 return parts
     return None
 

@@ -58,8 +58,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
             weights = 1 / sampling_variance(wv)
         if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
             raise DataError(
-                f"the wavelet variance ranges from {wv.variance.min():g} to {wv.variance.max():g}, and its squares "
-                "exceed the range of double precision",
+                "the squares of the wavelet variance exceed the range of double precision",
                 advice="Scale the signal to another unit.",
             )
         return np.diag(weights)

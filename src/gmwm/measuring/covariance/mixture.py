@@ -83,6 +83,9 @@ def _short(process: Process, rate: float, within: float) -> bool:
 def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:
     """Return the curve (J,) with the largest likelihood, and the weights (n,) of the `shapes` (n, J) in it."""
     # No wavelet variance falls much faster than that of quantization noise, which falls by a factor of four per level.
+    # Tiny values would overflow; a power of two causes no rounding error.
+    exponent = int(np.frexp(np.max(observed))[1])
+    observed = np.ldexp(observed, -exponent)
     curve = observed.copy()
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
@@ -98,7 +101,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
         # The curve is for weights, which need two digits; tests/estimation/test_weights.py pins fits that use it.
         if np.all(np.abs(curve - before) <= 1e-3 * before):
             break
-    return curve, weights
+    return np.ldexp(curve, exponent), np.ldexp(weights, exponent)
 
 
 @lru_cache(maxsize=16)

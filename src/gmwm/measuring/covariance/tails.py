@@ -86,8 +86,8 @@ class TailSums:
     def excess(self, wv: WaveletVariance) -> Matrix | None:
         """Return the matrix E (J, J) for the levels of `wv`, the classical curve of all samples; None if zero."""
         self.gap()
-        if not self._power or not np.all(wv.variance > 0):
-            return None
+        if not self._power or not np.all(wv.variance**2 > np.finfo(float).tiny):
+            return None  # a level without noise, or squares that underflow
         length = max(self._power, key=lambda key: self._power[key][0] * key)
         number, power = self._power[length]
         gaussian, curve = _gaussian(power / number, length, number)

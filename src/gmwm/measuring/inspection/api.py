@@ -17,7 +17,7 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import SI_UNIT, find_unit
+from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, find_unit
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_change, motion_of, still_parts
@@ -97,7 +97,7 @@ def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
         return inspections
     gravity, _ = _specific_force(axes)
     positions = any(remark.facts.get("case") == "positions" for part in inspections for remark in part.remarks)
-    remarks = findings.of_gravity(None if positions else gravity)
+    remarks = findings.of_gravity(None if positions else gravity, _turning(axes, gravity))
     first, *others = inspections
     return [replace(first, gravity=gravity, remarks=(*first.remarks, *remarks)), *others]
 
@@ -242,7 +242,7 @@ class RecordingStatistics:
             *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(None if parts else gravity),
+            *findings.of_gravity(None if parts else gravity, _turning(axes, gravity)),
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
@@ -364,12 +364,27 @@ def _specific_force(axes: Mapping[str, AxisInspection]) -> tuple[float | None, V
     return float(np.linalg.norm(mean)), mean
 
 
+_WEIGHTLESS = 0.5  # specific force (m/s²) whose direction is that of offsets, as of sensors without gravity
+
+
+def _turning(axes: Mapping[str, AxisInspection], gravity: float | None) -> str | None:
+    """Return the gyroscope axis that has gravity as its mean (rad/s) while the accelerometers lack it, if any."""
+    return next(
+        (
+            axis
+            for axis, item in axes.items()
+            if gravity is not None and item.unit == SI_UNIT["gyro"] and abs(item.mean) > 1.0
+            and abs(math.hypot(item.mean, gravity) / STANDARD_GRAVITY - 1) < 0.05
+        ), None,
+    )  # fmt: skip
+
+
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int, still: NDArray[np.bool_]
 ) -> tuple[float | None, float | None, float]:
     """Return the norm of the mean specific force (m/s²), its largest turn (°) in `still` windows, and that of noise."""
     norm, mean = _specific_force(axes)
-    if not norm:
+    if not norm or norm < _WEIGHTLESS:
         return norm, None, 0.0
     names = ("accel_x", "accel_y", "accel_z")
     windows = np.column_stack([statistics[axis].windows.means for axis in names])

@@ -266,14 +266,17 @@ def round_up(seconds: float) -> float:
     return math.ceil(seconds / step) * step
 
 
-def of_gravity(gravity: float | None) -> Iterator[Remark]:
-    """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity."""
+def of_gravity(gravity: float | None, turning: str | None = None) -> Iterator[Remark]:
+    """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity, which an axis `turning` of a
+    gyroscope has instead."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
     # Relative error of gravity above which there is a remark, more than a good accelerometer has.
     if gravity is not None and abs(error) > 0.02:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
         # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
-        if abs(error) > 0.15:
+        if turning is not None:
+            yield Remark.of("unit-doubtful", turning, case="exchanged", norm=norm)
+        elif abs(error) > 0.15:
             yield Remark.of("unit-doubtful", "accel", case="gravity", norm=norm, expected=expected)
         else:
             yield Remark.of("unit-contradicted", case="gravity", norm=norm, expected=expected, share=100 * error)
