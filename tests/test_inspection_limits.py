@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import STANDARD_GRAVITY
+from gmwm.base.units import AXES, STANDARD_GRAVITY
 from gmwm.measuring.inspection import inspect
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics, Motion
 from gmwm.measuring.inspection.findings import of_gravity, of_motion, of_rounding, of_time, of_trends, of_units
@@ -16,7 +16,7 @@ from gmwm.measuring.inspection.result import AxisInspection
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import Trend
 from gmwm.recording.signals import Imu, Signal
-from tests.helpers import codes
+from tests.helpers import codes, only
 
 RATE, SAMPLES = 100.0, 64_000
 STILL = Motion(spans=(), ratios={}, still=np.ones(64, dtype=bool))
@@ -101,8 +101,32 @@ def test_a_window_beside_a_motion_belongs_to_it_at_twice_the_usual_deviation(fac
     values = ALTERNATING.copy()
     values[10_000:11_000] *= 8.0
     values[11_000:12_000] *= factor
-    (remark,) = (r for r in inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks if r.code == "recording-moved")
+    (remark,) = (
+        r for r in inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks if r.code == "recording-moved:moved"
+    )
     assert remark.facts["ranges"] == ((98.0, end),)
+
+
+@pytest.mark.parametrize("samples", [64, 100, 130, 200, 300])
+def test_a_short_recording_at_rest_is_not_moved(samples):
+    for seed in range(8):
+        x = np.random.default_rng([seed, samples]).normal(size=(6, samples))
+        imu = Imu.from_arrays(dict(zip(AXES, x, strict=True)), rate=100.0)
+        assert "recording-moved" not in codes(inspect(imu).remarks)
+
+
+def test_motion_in_a_short_recording_is_left_out_and_motion_everywhere_has_no_rest_to_use():
+    x = np.random.default_rng(1).normal(size=(2, 160))
+    x[0, 64:96] *= 20
+    remark = only(inspect(Imu.from_arrays({"gyro_x": x[0]}, rate=100.0)).remarks, "recording-moved:moved")
+    ((begin, end),) = remark.facts["ranges"]
+    assert 0.5 < begin <= 0.64
+    assert 0.96 <= end < 1.1
+    x = np.random.default_rng(1).normal(size=(3, 6400))
+    for axis in range(3):
+        x[axis, 2150 * axis : 2150 * (axis + 1)] *= 20
+    found = inspect(Imu.from_arrays({f"gyro_{a}": x[k] for k, a in enumerate("xyz")}, rate=100.0)).remarks
+    assert {r.facts["case"] for r in found if r.code == "recording-moved"} == {"throughout"}
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.08, False), (0.13, True)])

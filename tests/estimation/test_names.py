@@ -81,3 +81,14 @@ def test_they_are_dicts_in_all_else():
 def noise():
     """A Gauss-Markov process in white noise, long enough for both to be seen."""
     return gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(20_000, RATE, rng=2)
+
+
+def test_a_mapping_of_axis_to_curve_is_fitted_axis_by_axis():
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=2.0)"}, rate=10.0, samples=5000, rng=1)
+    curves = gmwm.wavelet_variance(imu)
+    for data in (curves, dict(curves)):
+        fits = gmwm.fit("WN", data)
+        assert {axis: one.parameters for axis, one in fits.items()} == {
+            axis: gmwm.fit("WN", curve).parameters for axis, curve in curves.items()
+        }
+    assert [*gmwm.select("WN + RW", curves)] == ["gyro_x", "gyro_y"]

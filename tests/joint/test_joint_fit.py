@@ -232,3 +232,13 @@ def test_a_wrong_model_is_named_with_its_place(model, words):
         joint_terms(model)
     assert words in str(caught.value)
     assert caught.value.advice
+
+
+def test_the_summary_has_units_and_writes_an_absent_term_as_zero():
+    truth = {"gyro_x": "WN(sigma2=1e-6)", "gyro_y": "WN(sigma2=1e-6) + GM(beta=5.0, sigma2=1e-6)"}
+    found = fit_joint("GM + WN", gmwm.simulate(truth, rate=100.0, samples=60_000, rng=1))
+    lines = [line.split() for line in found.summary().splitlines()]
+    (row,) = (line for line in lines if line[:1] == ["GM.sigma2"])
+    assert row[-1] == "(rad/s)²"
+    assert (row[1] == "0") == (found.covariances["GM"][0, 0] < 1e-9 * found.covariances["GM"][1, 1])
+    assert "1/s (standard error" in found.summary()

@@ -169,8 +169,13 @@ def test_errors_name_the_option() -> None:
     fit = gmwm.fit("WN", gmwm.Signal(noise(1, 2000), RATE, "m/s^2", "accel_x"))
     with pytest.raises(DataError, match="m/s"):
         consistency({"gyro_x": fit}, recording)
-    with pytest.raises(OptionError, match="rate"):
-        consistency(
-            {"gyro_x": gmwm.fit("WN", recording["gyro_x"])}, {"gyro_x": signal(noise(1, 2000), rate=20.0)},
-            filter="model",
-        )  # fmt: skip
+    fits, other = {"gyro_x": gmwm.fit("WN", recording["gyro_x"])}, {"gyro_x": signal(noise(1, 2000), rate=20.0)}
+    for filter in ("N, K", "N, sigma, T", "model"):
+        with pytest.raises(OptionError, match="rate"):
+            consistency(fits, other, filter=filter)  # type: ignore[arg-type]
+
+
+def test_a_horizon_that_rounds_to_a_sample_appears_once() -> None:
+    slow = {"gyro_x": signal(noise(1, 2000), rate=0.1)}
+    result = consistency({"gyro_x": model()}, slow, horizons=[1.0, 10.0, 60.0])["gyro_x"]
+    assert [error.horizon for error in result.errors] == [10.0, 60.0]

@@ -87,7 +87,7 @@ def test_a_spike_is_drawn_and_counted(noise):
     panel = quantile_panel(of(z))
     assert panel["Observed"].y.min() == -30.0
     assert panel.y.limits[0] < -30.0
-    assert panel.title == "Jarque-Bera: p < 10⁻⁶"
+    assert panel.title == "Jarque-Bera: p < 0.001"
 
 
 def test_gaps_are_not_bridged(noise):
@@ -132,10 +132,10 @@ def test_limits_of_correlations_hold_so_many_where_samples_are_missing():
 def test_titles_tell_the_tests(good, bad):
     time, quantiles, correlations = description(plot_residuals)(good).panels
     assert f"standard deviation {np.std(good.observed):.3f}" in time.title
-    assert quantiles.title == f"Jarque-Bera: p = {good.normality().p_value:.2g}"
+    assert quantiles.title == f"Jarque-Bera: p = {good.normality().p_value:.3f}"
     test = good.ljung_box()
-    assert correlations.title == f"Ljung-Box, {test.lags} lags: p = {test.p_value:.2g}"
-    assert description(plot_residuals)(bad).panels[2].title == "Ljung-Box, 43 lags: p < 10⁻⁶"
+    assert correlations.title == f"Ljung-Box, {test.lags} lags: p = {test.p_value:.3f}"
+    assert description(plot_residuals)(bad).panels[2].title == "Ljung-Box, 43 lags: p < 0.001"
     assert description(plot_residuals)(good, 7).panels[2].title.startswith("Ljung-Box, 7 lags: p = ")
 
 

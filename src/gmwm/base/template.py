@@ -12,7 +12,7 @@ from html import escape
 from string import Formatter
 from typing import Any
 
-from gmwm.base.text import counted, duration_text, length_text, list_text, moment, round_fixed, round_text
+from gmwm.base.text import counted, duration_text, length_text, list_text, moment, p_relation, round_fixed, round_text
 
 
 class Dialect(Enum):
@@ -63,7 +63,7 @@ def render(
     """Fill a template with facts, for users of Python, the shell or HTML, which is escaped.
 
     - `{name}` is a fact, with a number format or: `{count:#knock}` with noun, `{levels:@level}` list after noun,
-      `{time:moment}` to the millisecond, `{time:span}` in a readable unit, `{share:percent}`.
+      `{time:moment}` to the millisecond, `{time:span}` in a readable unit, `{share:percent}`, `p {p:p}`.
     - `{--skip}`, `{--gaps=longest}` are options: `skip=`, `gaps='longest'` in Python, `--gaps longest` in the shell.
       `{--start=@first}` has the fact `first`, and `{--columns=time:none}` leaves a column out. `options` renames them.
     - `{gmwm info}` is a shell command, or the equivalent call in Python. Text between backticks is code.
@@ -123,6 +123,8 @@ def fact_text(fact: Fact, spec: str = "") -> str:
         return moment(value)
     if spec == "span":
         return duration_text(value)
+    if spec == "p":
+        return p_relation(value)
     if spec == "percent":
         return f"{round_text(100 * value)} %"
     if isinstance(value, bool | int):

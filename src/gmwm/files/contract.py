@@ -274,6 +274,11 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     file = Path(os.fsdecode(path))
     if file.is_dir():
         file = _sign_of(file)
+    if str(file) == "-":
+        raise ReadError(
+            "- is standard input, which only `gmwm watch` and `gmwm monitor` read", code="not-found", argument="path",
+            got="-", advice="Save it in a file.",
+        )  # fmt: skip
     if not file.exists():
         raise ReadError(
             f"{file} does not exist in {file.absolute().parent}", code="not-found", argument="path", got=str(file)

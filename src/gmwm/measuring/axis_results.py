@@ -99,7 +99,7 @@ def as_recording(data: Any) -> Any:
 
 
 def signals_of(x: Any) -> dict[str, Any] | None:
-    """Return the axes of an Imu or a data frame, or the columns of an (N, k) array, by name; None for anything else.
+    """Return the axes of an Imu, a data frame or a mapping of names, or the columns of an (N, k) array; otherwise None.
 
     >>> list(signals_of(np.zeros((100, 2)))), signals_of(np.zeros(100))
     (['column_0', 'column_1'], None)
@@ -107,6 +107,8 @@ def signals_of(x: Any) -> dict[str, Any] | None:
     x = as_recording(x)
     if isinstance(x, Imu):
         return dict(x.signals)
+    if isinstance(x, Mapping) and x and all(isinstance(name, str) for name in x):
+        return dict(x)
     if isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] >= MINIMUM_SAMPLES and x.shape[0] > x.shape[1] > 1:
         return {f"column_{k}": x[:, k] for k in range(x.shape[1])}
     return None

@@ -278,7 +278,7 @@ def consistency(
     Raises
     ------
     OptionError
-        If an option is out of range, no axis is in both, or the rates differ and the filter is "model".
+        If an option is out of range, no axis is in both, or the rates differ.
     DataError
         If the units differ, or the data do not determine a number of the filter.
     ModelError
@@ -342,8 +342,8 @@ def filter_model(
         raise DataError(
             f"the calibration of {axis} is in {unit}, and the recording in {signal.unit}", argument="recording"
         )
+    check_rate(signal.rate, item.wavelet_variance.rate)
     if filter == "model":
-        check_rate(signal.rate, item.wavelet_variance.rate)
         return item.model, ()
     entries: Mapping[str, Entry] = {}
     if isinstance(calibration, Calibration):
@@ -476,6 +476,6 @@ def _axis_consistency(
     return AxisConsistency(
         axis=axis, unit=signal.unit, model=str(model), nis=single.nees, nis_band=(band[0], band[1]),
         correlation=errors.correlation,
-        errors=tuple(by_samples[n] for n in counts),
+        errors=tuple(by_samples[n] for n in dict.fromkeys(counts)),
         curve=tuple(by_samples[n] for n in sorted(by_samples) if not math.isnan(by_samples[n].real)),
     )  # fmt: skip

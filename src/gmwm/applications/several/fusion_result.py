@@ -22,7 +22,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
-from gmwm.base.text import Summarised, duration_text, table_with_rule
+from gmwm.base.text import Summarised, duration_text, p_relation, table_with_rule
 from gmwm.base.units import AXES
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
@@ -495,7 +495,7 @@ class VirtualSensor(Summarised, Plotted, Tabular, Mapping[str, VirtualAxis]):
             gains.append(["gain over the average", *(f"{fusion.gain[k]:.2f}" for k in shown)])
             gains.append(["gain over the best one", *(f"{fusion.gain_over_best[k]:.2f}" for k in shown)])
             lines += [f"{axis}: virtual sensor of {len(fusion.members)}, {self._method}"]
-            lines += [f"Model {fusion.model}, p = {fusion.pvalue:.2g}"] if fusion.pvalue is not None else []
+            lines += [f"Model {fusion.model}, p {p_relation(fusion.pvalue)}"] if fusion.pvalue is not None else []
             lines += ["", *table_with_rule(weights), "", *table_with_rule(gains), ""]
         return "\n".join([*lines, *texts(self.remarks, dialect)]).rstrip()
 

@@ -374,15 +374,22 @@ class JointFit(Summarised, Plotted):
     def summary(self) -> str:
         """Format the parameters, the correlations of shared terms with their intervals, and the tests."""
         head = f"Joint fit of {', '.join(self.axes)}: {self.model}"
-        rows = [["term", *self.axes]]
-        for term in self.terms:
-            rows.append([term, *(f"{value:.4g}" for value in np.diag(self.covariances[term]))])
+        rows, processes = [["", *self.axes, "unit"]], self.settled.problem.processes(self.settled.estimate.u)
+        units = set(self.units.values())
+        unit = units.pop() if len(units) == 1 else "u"
+        for term, process in zip(self.terms, processes, strict=True):
+            values, scale = np.diag(self.covariances[term]), process.scale_parameter()
+            # A variance of zero is that of the optimum up to rounding.
+            cells = [f"{value:.4g}" if value > 1e-9 * np.max(values) else "0" for value in values]
+            rows.append([f"{term}.{scale.name}", *cells, scale.unit(unit)])
         lines = [head, f"{self.samples} samples at {self.rate:g} Hz, levels {self.levels[0]} to {self.levels[-1]}", ""]
         lines += table_with_rule(rows)
         if self.parameters:
             lines.append("")
         for name, value in self.parameters.items():
-            lines.append(f"{name} = {value:.4g} ± {self.parameter_errors.get(name, float('nan')):.2g}")
+            unit = " 1/s" if name.endswith(".beta") else ""
+            error = self.parameter_errors.get(name, float("nan"))
+            lines.append(f"{name} = {value:.4g}{unit} (standard error {error:.2g}), the same for all axes")
         for term in self._shareable:
             low, high = self.correlation_interval(term)
             pairs = [["correlation of " + term, "r", "95 %"]]

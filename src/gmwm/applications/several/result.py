@@ -15,7 +15,7 @@ from gmwm.base.documents import plain, plain_fields
 from gmwm.base.lazy import polars
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
-from gmwm.base.text import Summarised, counted, duration_text, table_with_rule
+from gmwm.base.text import Summarised, counted, duration_text, p_text, table_with_rule
 
 _BY_PAIR = ("covariance", "correlation", "lower", "upper", "degrees_of_freedom", "pvalues")
 
@@ -205,7 +205,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
                 most = max(mine, key=lambda scale: abs(scale.correlation))
                 rows.append([
                     f"{a}, {b}", f"{most.correlation:+.3f}", f"{most.lower:+.3f} … {most.upper:+.3f}",
-                    duration_text(most.tau), f"{most.pvalue:.2g}", _ranges([scale.level for scale in mine], self.rate),
+                    duration_text(most.tau), p_text(most.pvalue), _ranges([scale.level for scale in mine], self.rate),
                 ])  # fmt: skip
         if rows:
             head = ["axes", "correlation", f"{100 * self.confidence:g} %", "at τ", "p", "shared at τ"]

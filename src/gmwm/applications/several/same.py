@@ -18,7 +18,7 @@ from gmwm.base.lazy import polars
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
 from gmwm.base.results import Difference, Tabular
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text, table_with_rule
+from gmwm.base.text import duration_text, p_text, table_with_rule
 from gmwm.choosing.replicates.comparison import (
     LevelRatio,
     RecordingComparison,
@@ -38,8 +38,6 @@ from gmwm.recording.options import as_confidence, as_size
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import ModelLike
 from gmwm.theory.processes.parameter import Parameter
-
-SMALLEST_PVALUE = 1e-300  # smallest p-value that is shown, so that no text states p = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,7 +192,7 @@ class SameNoise(RecordingComparison, Tabular):
                         "recordings-differ", axis, case="noise",
                         percent=abs(most.ratio - 1), tau=Quantity(most.tau, "s"),
                         more="higher" if most.ratio > 1 else "lower", levels=len(rows),
-                        p=max(smallest(rows), SMALLEST_PVALUE), recording=recording, other=self._other,
+                        p=smallest(rows), recording=recording, other=self._other,
                     ))  # fmt: skip
         return tuple(remarks)
 
@@ -207,7 +205,7 @@ class SameNoise(RecordingComparison, Tabular):
                     "recordings-differ", test.axis, case="parameters",
                     name=most.name, recording=most.recording, other=self._other,
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
-                    p=max(test.pvalue, SMALLEST_PVALUE),
+                    p=test.pvalue,
                 )  # fmt: skip
         for test in self.parameters:
             if not test.differs:
@@ -215,7 +213,7 @@ class SameNoise(RecordingComparison, Tabular):
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
         for test in rejected:
-            least = max(min(other.fit_pvalue for other in rejected), SMALLEST_PVALUE)
+            least = min(other.fit_pvalue for other in rejected)
             yield Remark.of("model-rejected", test.axis, case="same", p=least)
 
     @property
@@ -262,7 +260,7 @@ def _cells(ratio: float, lower: float | None, upper: float | None) -> list[str]:
 
 
 def _p_cell(p: float | None) -> str:
-    return "" if p is None else f"{max(p, SMALLEST_PVALUE):.2g}"
+    return "" if p is None else p_text(p)
 
 
 def same(

@@ -15,7 +15,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.lazy import scipy
 from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, p_relation
 from gmwm.measuring.covariance.api import variances
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.mixture import mixture
@@ -90,7 +90,7 @@ class RecordingComparison(DifferenceTests):
 
     def __repr__(self) -> str:
         answer = "different" if self.differs else "the same"
-        return f"{type(self).__name__}({', '.join(self.recordings)}: {answer}, p = {self.pvalue:.2g})"
+        return f"{type(self).__name__}({', '.join(self.recordings)}: {answer}, p {p_relation(self.pvalue)})"
 
 
 class Decidable(Protocol):

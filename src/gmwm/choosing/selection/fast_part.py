@@ -21,6 +21,7 @@ from gmwm.measuring.spectrum.narrow import resonance_of
 from gmwm.measuring.spectrum.result import PowerSpectrum
 from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, Alternative, SpectralShape, short_memory
 from gmwm.measuring.variance.result import WaveletVariance
+from gmwm.recording.repairs.moving_average import MovingAverage
 from gmwm.theory.filters import HAAR, find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
@@ -156,6 +157,26 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
     names = [parameter.name for parameter in kind.nonlinear_parameters()]
     values = np.concatenate([shape.phi, shape.theta]).tolist()
     return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
+
+
+def _through(average: MovingAverage) -> Process:
+    """Return white noise through an average of samples, with a free variance."""
+    return process_of(Alternative(phi=np.empty(0), theta=average.taps, density=1.0, weight=1.0))
+
+
+def with_average_error(wv: WaveletVariance, average: MovingAverage, fit: Fit) -> WaveletVariance:
+    """Add the change of slow noise by the average to the covariance, because slow terms do not pass it, and leave out
+    levels that change by a tenth. `fit` has the most flicker noise, which is fastest."""
+    cycles = np.geomspace(1e-4 / average.length, 0.5, 4000)
+    slow = _density([p for p in fit.model.processes if _is_slow(p, wv.rate)], cycles * wv.rate, wv.rate)
+    lost = slow * (1 - average.gain(cycles))
+    half = np.ldexp(1.0, wv.levels - 1)[:, None]
+    haar = (np.sin(np.pi * cycles * half) ** 2 / (half * np.sin(np.pi * cycles))) ** 2
+    apart = 2 * np.trapezoid(haar * lost, cycles, axis=1) / wv.variance
+    used = apart < 0.1
+    apart = apart[used]
+    # The change by other slow noise differs by about 30 %, at each level.
+    return _with(wv.only(wv.levels[used]), np.outer(apart, apart) + np.diag((0.3 * apart) ** 2))
 
 
 def acts_as_filter(process: Process, fit: Fit) -> bool:
@@ -294,6 +315,13 @@ def fast_parts(
 ) -> Iterator[FastPart]:  # fmt: skip
     """Yield the peaks with each visible shape up to `order` beside slow terms, fewest coefficients first, best last."""
     check()
+    average = spectrum.average
+    if average is not None and find_filter(wv.filter) is HAAR:
+        terms = (_through(average), *peaks)
+        longer = wv.only(wv.levels[np.ldexp(1.0, wv.levels - 1) >= average.passes * average.length])
+        fit = nearly_fitted(largest_within("FN + RW", longer, terms), longer, general.weighting)
+        yield FastPart(wavelet_variance=with_average_error(wv, average, fit), terms=terms)
+        check()
     best = _shape(spectrum, general, wv.rate, before=None, order=order)
     if best is not None:  # the slow terms that the shape was fitted beside did not know the shape
         check()

@@ -41,9 +41,9 @@ OneOrSeveral = Curve | Sequence[WaveletVariance] | Sequence[Signal]  # one recor
 
 @overload
 def fit(
-    model: Model | Process | str, data: Imu, rate: float | None = None, *, weighting: Weighting | None = None,
-    robust: bool = False, efficiency: float = 0.6, certify: bool = True, start: Sampled | None = None,
-    against: Against = None, moments: str = "haar",
+    model: Model | Process | str, data: Imu | Mapping[str, Curve], rate: float | None = None, *,
+    weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6, certify: bool = True,
+    start: Sampled | None = None, against: Against = None, moments: str = "haar",
 ) -> ResultsByAxis[Fit]: ...  # fmt: skip
 @overload
 def fit(
@@ -58,12 +58,12 @@ def fit(
 ) -> Fit: ...  # fmt: skip
 @overload
 def fit(
-    model: Model | Process | str, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None = None,
+    model: Model | Process | str, data: Mapping[float, Curve], rate: float | None = None,
     *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6, certify: bool = True,
     varies: Mapping[str, str] | None = None,
 ) -> ConditionsFit: ...  # fmt: skip
 def fit(
-    model: Model | Process | str, data: Imu | OneOrSeveral | Mapping[float, WaveletVariance | Signal | ArrayLike],
+    model: Model | Process | str, data: Imu | OneOrSeveral | Mapping[str, Curve] | Mapping[float, Curve],
     rate: float | None = None, *, weighting: Weighting | None = None, robust: bool = False, efficiency: float = 0.6,
     certify: bool = True, start: Sampled | None = None, against: Against = None,
     varies: Mapping[str, str] | None = None, moments: str = "haar",
@@ -91,7 +91,7 @@ def fit(
         the mean of their curves, `fit.replicates` tests whether the recordings have equal parameters, and intervals
         include the spread between them. A mapping such as ``{0.0: rest, 50.0: slow, 100.0: fast}`` contains recordings
         at known conditions, for example rates of a turntable or plateaus of a chamber.
-        An Imu or an (N, k) array is fitted axis by axis.
+        An Imu, an (N, k) array, or a mapping of axis to signal or curve is fitted axis by axis.
     rate : float, optional
         Sampling rate (Hz) of a plain array; 1 by default, so that times count samples.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
@@ -194,7 +194,8 @@ def fit(
         )  # fmt: skip
     if isinstance(data, Mapping):
         return _fitted_conditions(
-            terms, data, rate, varies, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify,
+            terms, cast("Mapping[float, Curve]", data), rate, varies, weighting=weighting, robust=robust,
+            efficiency=efficiency, certify=certify,
             others={"start": start, "against": against, "moments": None if moments == "haar" else moments},
         )  # fmt: skip
     if varies is not None:
@@ -219,7 +220,7 @@ def fit(
 
 
 def _fitted_conditions(
-    model: Model, data: Mapping[float, WaveletVariance | Signal | ArrayLike], rate: float | None,
+    model: Model, data: Mapping[float, Curve], rate: float | None,
     varies: Mapping[str, str] | None, *, weighting: Weighting | None, robust: bool, efficiency: float, certify: bool,
     others: Mapping[str, object],
 ) -> ConditionsFit:  # fmt: skip

@@ -14,7 +14,7 @@ from gmwm.base.errors import DataError, FitWarning, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, p_relation, p_text
 from gmwm.fitting.estimation import fit
 from gmwm.fitting.estimation.moving_condition import condition_of
 from gmwm.measuring.covariance import Design, covariance
@@ -105,21 +105,21 @@ class NoiseAgainst(FrozenArrays, Documented, DifferenceTests):
         verdict = "changes" if self.pvalue < 0.05 else "does not change measurably"
         lines = [
             f"The noise of {self.axis or 'the signal'} {verdict} with {self.condition} from {self.range[0]:.4g} to "
-            f"{self.range[1]:.4g}{' ' + self.unit if self.unit else ''}: p = {self.pvalue:.2g}.",
+            f"{self.range[1]:.4g}{' ' + self.unit if self.unit else ''}: p {p_relation(self.pvalue)}.",
             f"  {'':<12}{per:>12}{'±':>10}{'p':>10}",
         ]
         rows = [(f"{tau:.4g} s", slope) for tau, slope in zip(self.tau, self.slopes, strict=True)]
         for name, slope in [*rows, *self.terms.items()]:
-            lines.append(f"  {name:<12}{100 * slope.value:>12.3g}{100 * slope.error:>10.2g}{slope.pvalue:>10.2g}")
+            lines.append(f"  {name:<12}{100 * slope.value:>12.3g}{100 * slope.error:>10.2g}{p_text(slope.pvalue):>10}")
         if self.pvalue_terms is not None and self.pvalue_terms < 0.05:
             lines.append(
-                f"  The slopes of the terms do not explain those of the levels (p = {self.pvalue_terms:.2g}): use "
-                "those of the levels."
+                f"  The slopes of the terms do not explain those of the levels (p {p_relation(self.pvalue_terms)}): "
+                "use those of the levels."
             )
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        return f"NoiseAgainst({self.axis or 'signal'}, {self.condition}, p = {self.pvalue:.2g})"
+        return f"NoiseAgainst({self.axis or 'signal'}, {self.condition}, p {p_relation(self.pvalue)})"
 
 
 def noise_against(signal: Signal, condition: Against, *, model: ModelLike = "QN + WN + FN + RW") -> NoiseAgainst:

@@ -19,7 +19,7 @@ from gmwm.base.arrays import FrozenArrays, Vector
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.base.results import Plotted
 from gmwm.base.statistics import autocorrelation, observed_pairs
-from gmwm.base.text import Summarised, align
+from gmwm.base.text import Summarised, align, p_relation
 from gmwm.fitting.likelihood.estimator import fit_ml
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record, standardise
 from gmwm.fitting.likelihood.result import LikelihoodFit
@@ -193,8 +193,8 @@ class Residuals(FrozenArrays, Summarised, Plotted):
                 f"{z.size} standardised innovations of {self.model.structure}: mean {np.mean(z):+.4f}, "
                 f"standard deviation {spread:.4f} (0 and 1 if the model is right)",
                 f"Ljung-Box, {white.lags} lags: {white.statistic:.1f} on {white.degrees_of_freedom:.4g} degrees of "
-                f"freedom, p = {white.p_value:.3g}",
-                f"Jarque-Bera: {normal.statistic:.1f} on 2 degrees of freedom, p = {normal.p_value:.3g}",
+                f"freedom, p {p_relation(white.p_value)}",
+                f"Jarque-Bera: {normal.statistic:.1f} on 2 degrees of freedom, p {p_relation(normal.p_value)}",
             ]
         )
 

@@ -264,7 +264,8 @@ def _widened(begin: float, end: float, window: float, knocks: Sequence[Knock]) -
     for knock in knocks:
         if knock.time <= end + margin and knock.time + knock.duration >= begin - margin:
             begin, end = min(begin, knock.time), max(end, knock.time + knock.duration)
-    step = next((step for step in (300.0, 60.0, 15.0, 5.0) if 3 * step <= window), 1.0)
+    fine = 10.0 ** min(math.floor(math.log10(window)), 0) if window < 0.25 else 1.0
+    step = next((step for step in (300.0, 60.0, 15.0, 5.0) if 3 * step <= window), fine)
     return max(0.0, math.floor((begin - margin) / step) * step), math.ceil((end + margin) / step) * step
 
 

@@ -77,9 +77,11 @@ def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str])
 def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...], extent: Extent) -> Iterator[Remark]:
     """Yield remarks on knocks, on motion by axis, and on a change of the direction of gravity (`tilt`, °)."""
     shown = tuple(f"{moment(begin)} to {moment(end)}" for begin, end in motion.spans)
+    first, last = extent.times([0, extent.samples - 1])
+    how = "throughout" if any(a <= first and last <= b for a, b in motion.spans) else "moved"
     for axis in motion.ratios:
         ratio = max(motion.ratios.values())
-        yield Remark.of("recording-moved", axis, case="moved", parts=shown, ranges=motion.spans, ratio=ratio)
+        yield Remark.of("recording-moved", axis, case=how, parts=shown, ranges=motion.spans, ratio=ratio)
     if tilt is not None:
         code, case = ("recording-moved", {"case": "tilted"}) if tilt > MOVED else ("recording-settles", {})
         yield Remark.of(code, **case, angle=Quantity(tilt, "°"))

@@ -13,7 +13,7 @@ from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.results import Plotted
-from gmwm.base.text import Summarised, duration_text
+from gmwm.base.text import Summarised, duration_text, p_relation
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP, CovariateTerm
 from gmwm.measuring.regression.covariates import Basis, Column
@@ -282,7 +282,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
             for term in self.terms
             if term.name in self.references and term.name != WARM_UP
         )
-        lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
+        lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p {p_relation(self.pvalue)}")
         if at:
             lines.append(f"  zero at {at}; blocks of {duration_text(self.block)}")
         return "\n".join(lines)
@@ -332,7 +332,7 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
         )  # fmt: skip
 
     def __repr__(self) -> str:
-        return f"Regression({self.axis or 'signal'} against {self.against}, p = {self.pvalue:.2g})"
+        return f"Regression({self.axis or 'signal'} against {self.against}, p {p_relation(self.pvalue)})"
 
 
 def per(unit: str, power: str) -> str:

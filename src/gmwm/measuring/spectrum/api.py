@@ -16,6 +16,7 @@ from gmwm.measuring.spectrum.peaks import find_peaks
 from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
 from gmwm.recording.options import as_confidence, one_of
+from gmwm.recording.repairs.moving_average import moving_average
 from gmwm.recording.signals import Imu, Signal
 
 ENOUGH_BLOCKS = 15
@@ -186,11 +187,15 @@ class SpectrumAccumulator(OneAtATime):
             raise DataError(
                 f"a spectrum needs at least {least} samples without a gap; got {longest}", argument="x", got=longest
             )
+        density, freedom = (
+            one_sided_density(sums.sums, length, self.rate),
+            degrees_of_freedom(sums.sums, sums.pairs, length),
+        )
         spectrum = PowerSpectrum(
             frequencies=np.arange(length // 2 + 1, dtype=np.float64) * (self.rate / length),
-            density=one_sided_density(sums.sums, length, self.rate),
-            degrees_of_freedom=degrees_of_freedom(sums.sums, sums.pairs, length), rate=self.rate, samples=len(self),
+            density=density, degrees_of_freedom=freedom, rate=self.rate, samples=len(self),
             length=length, blocks=sums.blocks, unit=self.unit, axis=self.axis, confidence=confidence,
+            average=moving_average(density, float(np.median(freedom))),
         )  # fmt: skip
         lines, bumps = find_peaks(spectrum)
         return replace(spectrum, lines=lines, bumps=bumps)

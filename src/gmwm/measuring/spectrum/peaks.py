@@ -28,6 +28,8 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     sides. Wider ones, on grids from 1/3072 to 1/6 octave, are lines if the frequency is ≥ 60 widths, else bumps."""
     if spectrum.density.size < FIRST_BIN + 2 * FAR or not np.any(spectrum.density[FIRST_BIN:] > 0):
         return (), ()
+    gain = _average_gain(spectrum)
+    spectrum = replace(spectrum, density=spectrum.density / gain)
     freedom = effective_freedom(spectrum.density, spectrum.degrees_of_freedom)
     # Relative degrees of freedom for peaks: a short knock correlates frequencies, which makes bumps.
     testable = freedom > 0.5 * nominal_freedom(spectrum.blocks, spectrum.blocks - 1)
@@ -35,7 +37,26 @@ def find_peaks(spectrum: PowerSpectrum) -> tuple[tuple[Line, ...], tuple[Bump, .
     lines, sharp, free = narrow_lines(spectrum, freedom, testable, level=FALSE_ALARMS / 2)
     wandering, broad = wide_peaks(spectrum, freedom, free, narrow=(lines, sharp), level=FALSE_ALARMS / 2)
     bumps = sorted([*sharp, *broad], key=lambda bump: bump.frequency)
-    return group_harmonics(distinct([*lines, *wandering], spectrum.resolution), spectrum.resolution), tuple(bumps)
+    passed = [
+        replace(line, amplitude=factor * line.amplitude, amplitude_error=factor * line.amplitude_error)
+        for line in (*lines, *wandering)
+        for factor in (float(np.sqrt(np.interp(line.frequency, spectrum.frequencies, gain))),)
+    ]
+    bumps = [
+        replace(bump, density=bump.density * float(np.interp(bump.frequency, spectrum.frequencies, gain)))
+        for bump in bumps
+    ]
+    return group_harmonics(distinct(passed, spectrum.resolution), spectrum.resolution), tuple(bumps)
+
+
+def _average_gain(spectrum: PowerSpectrum) -> Vector:
+    """Return the factor (n,) by which the noise passes an average of samples, whose side lobes are no peaks; else 1."""
+    average = spectrum.average
+    if average is None:
+        return np.ones(spectrum.density.size)
+    # The Hann window averages over frequencies: at a zero of the gain, its second moment is 1/3 bin².
+    gain = np.convolve(np.pad(average.gain(spectrum.frequencies / spectrum.rate), 1, "reflect"), [1 / 6, 2 / 3, 1 / 6])
+    return gain[2:-2] + average.floor
 
 
 def distinct(lines: Iterable[Line], resolution: float) -> list[Line]:

@@ -20,6 +20,7 @@ from gmwm.measuring.axis_results import AxisResults, chi_square_limits
 from gmwm.measuring.spectrum.line import Bump, Line, pooled_freedom
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 from gmwm.recording.options import as_confidence, as_whole_number
+from gmwm.recording.repairs.moving_average import MovingAverage
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -48,6 +49,8 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
         Lines, sorted by frequency. The probability of any false line or bump in a recording of noise is at most 1 %.
     bumps : tuple of Bump
         Broad peaks, sorted by frequency.
+    average : MovingAverage, optional
+        Average of the last samples that the noise passed, if the zeros of the density show one.
 
     Examples
     --------
@@ -73,6 +76,7 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
     confidence: float = 0.95
     lines: tuple[Line, ...] = ()
     bumps: tuple[Bump, ...] = ()
+    average: MovingAverage | None = None
 
     document_keys = (
         "frequencies", "density", "degrees_of_freedom", "rate", "samples", "length", "blocks", "resolution", "unit",

@@ -15,6 +15,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples
+from gmwm.recording.repairs.moving_average import moving_average
 from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
 from gmwm.recording.resolution import step_of
 from gmwm.recording.signals import Imu
@@ -197,7 +198,8 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     if not passing.size:
         return SteepFilter()
     passes = float(passing[-1] + 1) * 8 / _LENGTH
-    if not (0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))):
+    is_steep = 0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))
+    if not is_steep or moving_average(density, 2.0 * len(blocks)) is not None:  # a model describes an average
         return SteepFilter()
     # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df, with the fitted S in the band and 0 above half the rate.
     beyond = np.flatnonzero(smooth[passing[-1] :] <= _BAND * slow)

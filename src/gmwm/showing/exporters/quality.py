@@ -240,7 +240,7 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
             end = f" up to {until:g} s" if since < until < math.inf else ""
             lines.append(f"{name}: N and K hold from {since:g} s{end}.")
         elif until < TIMES[-1]:
-            instead = _bias_instead(min(groups[first], key=lambda axis: qualities(axis, *first)[-1].claim))
+            instead = _bias_instead(min(groups[first], key=lambda axis: qualities(axis, *first)[-1].claim), inflation)
             lines.append(f"{name}: N and K hold up to {until:g} s; beyond, set the horizon{instead}.")
         elif until < math.inf:
             holds.append(f"{until:g} s ({NAMES[sensor.quantity]})")
@@ -251,7 +251,7 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
     return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
 
 
-def _bias_instead(axis: AxisNoise) -> str:
+def _bias_instead(axis: AxisNoise, inflation: float) -> str:
     """Return white noise and a Gauss-Markov bias of an axis. The errors that a filter with these numbers states are
     true at all times (docs/validation/filter.md)."""
     longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
@@ -260,7 +260,8 @@ def _bias_instead(axis: AxisNoise) -> str:
     if axis.K.upper or not state.sigma or state.white <= 0:
         return ""
     # Short, because a file has few lines of comment; the units are those of the file.
-    return f" or N {state.white:.3g}, σ {state.sigma[0]:.2g}, T {state.time[0]:.2g} s ({axis.axis})"
+    white, sigma = state.white * inflation, state.sigma[0] * inflation
+    return f" or N {white:.3g}, σ {sigma:.2g}, T {state.time[0]:.2g} s ({axis.axis})"
 
 
 def _range(ratios: Sequence[float]) -> str:

@@ -15,13 +15,14 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Vector, as_vector
 from gmwm.base.errors import OptionError
 from gmwm.base.statistics import observed_pairs
+from gmwm.base.text import p_relation
 from gmwm.fitting.likelihood.correlations import as_lags, autocorrelation, pair_factors
 from gmwm.fitting.likelihood.innovations import Residuals
 from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.system import LEVEL
 from gmwm.fitting.likelihood.tracks import BIAS, Kind, Modelled, Tracks, wanders
 from gmwm.recording.signals import Signal
-from gmwm.showing.plots.axes import elapsed_axis, even_axis, number_at, number_text, power_text, quiet, scaled_axis
+from gmwm.showing.plots.axes import elapsed_axis, even_axis, number_at, number_text, quiet, scaled_axis
 from gmwm.showing.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.figure import PAGE, Axis, Band, Figure, Mark, Panel, Polyline, Stroke, drawing
 from gmwm.showing.plots.labels import UnitSystem, View, axis_title, model_text, term_label, view_of
@@ -82,7 +83,7 @@ def quantile_panel(residuals: Residuals) -> Panel:
         Polyline(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
         Polyline(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
-    return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
+    return Panel(x, y, marks, f"Jarque-Bera: p {p_relation(normality.p_value)}")
 
 
 def order_limits(normal: Vector, count: int, level: float = LIMIT_LEVEL) -> tuple[Vector, Vector]:
@@ -109,12 +110,7 @@ def _whiteness(residuals: Residuals, lags: int | None) -> str:
     if (residuals.usual_lags if lags is None else lags) <= residuals.estimated:
         return f"No Ljung-Box test: {residuals.estimated} parameters were estimated"
     test = residuals.ljung_box(lags)
-    return f"Ljung-Box, {test.lags} lags: {_p_text(test.p_value)}"
-
-
-def _p_text(p_value: float) -> str:
-    # Pinned by tests/plots/test_plot_residuals.py.
-    return f"p < {power_text(1e-6)}" if p_value < 1e-6 else f"p = {number_text(p_value, 2)}"
+    return f"Ljung-Box, {test.lags} lags: p {p_relation(test.p_value)}"
 
 
 @drawing

@@ -14,7 +14,7 @@ import numpy as np
 from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Dialect, texts
-from gmwm.base.text import round_fixed, round_text, version
+from gmwm.base.text import p_relation, p_text, round_fixed, round_text, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
@@ -265,10 +265,10 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
         low, high = coefficient.interval()
         value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}".replace("-", "−")
         interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
-        rows.append([name, value, interval, coefficient.unit, f"{coefficient.pvalue:.2g}"])
+        rows.append([name, value, interval, coefficient.unit, p_text(coefficient.pvalue)])
     state = "removed before the noise was measured" if regression.applied else "not removed"
     zero = ", ".join(f"{name} = {value:g}" for name, value in regression.references.items() if name != WARM_UP)
-    text = f"Effect of {regression.against}: {state}. Joint F test: p = {regression.pvalue:.2g}."
+    text = f"Effect of {regression.against}: {state}. Joint F test: p {p_relation(regression.pvalue)}."
     return {"text": text + (f" The effect is zero at {zero}." if zero else ""), "rows": rows}
 
 
@@ -359,9 +359,8 @@ def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
         sign = "+" if verdict.excess[most] >= 0 else ""
         percent = f"{sign}{round_text(100 * float(verdict.excess[most]))}".replace("-", "−")
         row["most"] = f"{percent} % at {significant(verdict.tau[most], 3)} s"
-    p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return row | {"p": p, "remarks": remarks}
+    return row | {"p": p_text(verdict.pvalue), "remarks": remarks}
 
 
 GROUP = "gmwm.reports"

@@ -111,7 +111,7 @@ class Ordered(Process, abstract=True):
     @classmethod
     def _checked_orders(cls, orders: Iterable[object]) -> tuple[int, ...]:
         # Largest lag (samples) that a process can have.
-        most_lags = 60
+        most_lags = 63
         values, names = tuple(orders), cls.order_names()
         if len(values) != len(names):
             first = cls.polynomials[0].name
