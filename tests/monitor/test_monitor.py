@@ -281,3 +281,13 @@ def test_a_calibration_has_the_baseline_of_a_monitor(tmp_path: Path) -> None:
     assert {a: b.to_dict() for a, b in streamed.baselines.items()} == {
         a: b.to_dict() for a, b in whole.baselines.items()
     }
+
+
+@pytest.mark.slow
+def test_noise_of_the_gyroscopes_beside_accelerometers_at_rest_is_no_motion() -> None:
+    axes = (*AXES, *(axis.replace("gyro", "accel") for axis in AXES))
+    x = {axis: noise(6000, 40 + k) * (57.2958 if axis.startswith("gyro") else 1.0) for k, axis in enumerate(axes)}
+    made = monitor(*axes)
+    found = made.update(x) + made.finish()
+    assert {(event.kind, event.axis) for event in found} == {("noise-up", axis) for axis in AXES}
+    assert all("check the unit" in event.description for event in found)

@@ -397,7 +397,11 @@ class Monitor(OneAtATime):
         others = [
             axis for axis, monitored in self._axes.items() if axis not in faults and monitored.is_loud(self._naming)
         ]
-        if moving and len(moving) + len(others) >= 3:  # axes that change together: the unit was moved
+        loud = {axis.partition("_")[0] for axis in (*moving, *others)}
+        still = [axis for axis in self._axes if axis.partition("_")[0] not in loud]
+        # Noise of one sensor beside another one at rest is no motion, but for example a wrong unit.
+        noisy = len(still) >= 3 and all(faults[axis].kind == "noise-up" for axis in moving)
+        if moving and len(moving) + len(others) >= 3 and not noisy:  # axes change together: the unit was moved
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
             events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))

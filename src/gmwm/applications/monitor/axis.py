@@ -94,8 +94,9 @@ class Event:
         unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
         amount = "" if self.size is None else round_text(self.size * factor)
         scale = "" if self.scale is None else f" at a scale of {round_text(self.scale)} s"
+        unit_error = "; check the unit" if 45 < (self.ratio or 0.0) < 70 else ""  # deg/s that are stated as rad/s
         texts: dict[Kind, str] = {
-            "noise-up": f"noise rose by a factor of {round_text(self.ratio or 1.0)}{scale}",
+            "noise-up": f"noise rose by a factor of {round_text(self.ratio or 1.0)}{scale}{unit_error}",
             "noise-down": f"noise fell to {round_text(100.0 * (self.ratio or 0.0))} %{scale}",
             "jump": f"level jumped by {amount} {unit}", "ramp": f"level drifts by {amount} {unit}",
             "hum": f"periodic disturbance of {amount} {unit} at {round_text(self.frequency or 0.0, 3)} Hz",
