@@ -13,7 +13,7 @@ from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text
-from gmwm.calibration.averaging import markov_instead_of_walk
+from gmwm.calibration.averaging import WALK, markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
 from gmwm.choosing.datasheets.effective import Use, true_times
@@ -22,6 +22,7 @@ from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
+from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.tails import UNKNOWN
 from gmwm.measuring.outliers import excess_text
@@ -168,7 +169,8 @@ def _of_axis(
     ramp = axis_calibration.datasheet.get(_RAMP)
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
-        yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit))
+        numbers = (WALK,) if _is_raised_by_ramp(axis_calibration) else ()
+        yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit), numbers=numbers)
     yield from oscillations_in_n(axis, axis_calibration.fit)
     yield from spectrum_remarks(axis, axis_calibration)
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
@@ -178,6 +180,15 @@ def _of_axis(
         yield Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
     if axis_calibration.needed:
         yield _poorly_known(axis, axis_calibration)
+
+
+def _is_raised_by_ramp(found: AxisCalibration) -> bool:
+    """Return whether K without the ramp, which is that of one recording, is below the interval of K."""
+    walk, processes, rate = found.datasheet.get(WALK), found.fit.model.processes, found.fit.wavelet_variance.rate
+    if walk is None or not walk.value or not walk.low:
+        return False
+    without = filter_numbers([process for process in processes if not is_ramp(process, rate)], rate).K
+    return without * walk.value < walk.low * filter_numbers(processes, rate).K
 
 
 def _end_of_claim(found: AxisCalibration) -> float:
