@@ -75,7 +75,6 @@ def simulate(
     is added to accel_z. Each axis has its own stream of random numbers. --components does not change the recording:
     each axis, without gravity, is the sum of its columns in the file of --components.
     """
-    from gmwm.recording.writers import MCAP, SUFFIXES, table_path
     from gmwm.theory.simulation import models_by_axis, reference_imu
 
     if sum((reference, bool(model), source is not None)) != 1:
@@ -85,16 +84,13 @@ def simulate(
             "the demo with {--reference}.",
         )  # fmt: skip
     seconds = parse_length(duration)
-    # Check the output files before the simulation, which can take minutes.
-    if output.suffix.lower() not in (*SUFFIXES, MCAP):
-        raise OptionError(
-            argument="output", expected="a file name that ends in .csv, .parquet or .mcap", got=str(output)
-        )
-    if components is not None and table_path(components).resolve() == output.resolve():
-        raise OptionError(argument="components", expected="another file than --output", got=str(components))
-    noise = _given_at(source, rate) if source is not None else None
-    rate = noise.rate if noise is not None else rate
-    truth = models_by_axis(noise.models if noise else reference_imu() if reference else parse_models(model or []))
+    _check_paths(output, components)  # before the simulation, which can take minutes
+    if source is not None:
+        noise = _given_at(source, rate)
+        rate = noise.rate
+    truth = models_by_axis(
+        noise.models if source is not None else reference_imu() if reference else parse_models(model or [])
+    )
     imu, columns = _write(
         truth, 100.0 if rate is None else rate, seconds=seconds, seed=seed, output=output, components=components
     )
@@ -113,6 +109,18 @@ def simulate(
         written=(output,) if components is None else (output, components),
         listed=False,
     )  # fmt: skip
+
+
+def _check_paths(output: Path, components: Path | None) -> None:
+    """Raise an OptionError if a path has a wrong ending, or both are the same."""
+    from gmwm.recording.writers import MCAP, SUFFIXES, table_path
+
+    if output.suffix.lower() not in (*SUFFIXES, MCAP):
+        raise OptionError(
+            argument="output", expected="a file name that ends in .csv, .parquet or .mcap", got=str(output)
+        )
+    if components is not None and table_path(components).resolve() == output.resolve():
+        raise OptionError(argument="components", expected="another file than --output", got=str(components))
 
 
 def _write(
