@@ -9,8 +9,6 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.lazy import scipy
 
-_LONGEST = 64  # samples whose average is recognised, because an MA process has at most 63 coefficients
-_GAIN = 60.0  # least gain of the sum of squared residuals by an average; a walk fits as well without (same test)
 _MISFIT, _STRANGE = (2.0, 5.0), (0.1, 0.25)
 """Largest median of the squared residuals over that of noise, and largest share of residuals above three standard
 errors (a resonance): for up to three samples, and for more, whose zeros no other filter has
@@ -67,8 +65,8 @@ def moving_average(density: Vector, freedom: float) -> MovingAverage | None:
             weights = np.sqrt(np.minimum(1, 2 / np.maximum(residuals, 1.0))) / model
         return residuals, powers
 
-    best, least = None, _loss(misfits(np.ones(count))[0]) - _GAIN
-    for passes, longest in ((1, _LONGEST), (2, _LONGEST // 2)):
+    best, least = None, _loss(misfits(np.ones(count))[0]) - 60.0  # a walk fits as well without an average
+    for passes, longest in ((1, 64), (2, 32)):  # an MA process has at most 63 coefficients
         for length in range(2, min(longest, count // 6) + 1):
             zero, half = np.searchsorted(centres, [1 / length - 1 / count / 4, 0.5 / length])
             zero = min(int(zero), count - 1)
