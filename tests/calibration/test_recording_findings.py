@@ -36,6 +36,23 @@ def test_a_line_makes_k_a_limit_whether_the_model_has_a_drift_or_not(within):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("size", "refused"), [(0.1, True), (0.01, False)])
+def test_a_fast_warm_up_of_a_short_recording_refuses_n(size, refused):
+    """It hides the white noise at 1 s, and 600 s leave too little behind 100 s of warm-up: N was 17 % too small."""
+    x = recording(0.0)["gyro_x"].values[:6000] + size * np.exp(-AT[:6000] / 60.0)
+    found = gmwm.calibrate(Imu({"gyro_x": Signal(x, RATE, "rad/s", "gyro_x")}), within="2*GM + WN + RW", warmup="keep")
+    assert (found.number_verdicts["gyro_x"]["N"].usability is Usability.DO_NOT_USE) is refused
+    assert ("too-short" in {remark.code for remark in found.remarks}) is refused
+
+
+def test_a_drift_that_raises_k_beyond_its_interval_makes_k_a_limit():
+    """The remark on a line may be missing, because the line is not significant beside the walk."""
+    walk = np.cumsum(np.random.default_rng(5).normal(size=SAMPLES)) * 2e-6
+    found = calibrated(walk + 2e-2 * AT / AT[-1], "WN + RW + DR")
+    assert [r.facts["numbers"] for r in found.remarks if code_of(r) == "drift:drift"] == [("K",)]
+
+
+@pytest.mark.slow
 def test_the_numbers_are_those_of_the_datasheet():
     found = calibrated(2e-3 * np.exp(-AT / 300.0), "WN + RW")
     numbers = only(found.remarks, "warm-up:large").facts["numbers"]

@@ -183,12 +183,12 @@ def _of_axis(
 
 
 def _is_raised_by_ramp(found: AxisCalibration) -> bool:
-    """Return whether K without the ramp, which is that of one recording, is below the interval of K."""
+    """Return whether the ramp, which is that of one recording, raises K by more than the error of K."""
     walk, processes, rate = found.datasheet.get(WALK), found.fit.model.processes, found.fit.wavelet_variance.rate
-    if walk is None or not walk.value or not walk.low:
+    if walk is None or not walk.value or not walk.high:
         return False
     without = filter_numbers([process for process in processes if not is_ramp(process, rate)], rate).K
-    return without * walk.value < walk.low * filter_numbers(processes, rate).K
+    return without / walk.value < filter_numbers(processes, rate).K / walk.high
 
 
 def _end_of_claim(found: AxisCalibration) -> float:

@@ -47,6 +47,8 @@ def recording_remarks(
             yield remark
             continue
         sheet = axis_calibration.datasheet
+        if remark.code == "warm-up" and _hides_white_noise(inspection, remark.subject, sheet["N"].value):
+            yield Remark.of("too-short", remark.subject, case="warm-up", numbers=("N", "B", "K"))
         ramp = sheet.get(_RAMP)
         if remark.code == _LINE and ramp is not None and ramp.value and not ramp.upper_only:
             affected = ("K",)  # a filter has no drift, so that its K contains the line (docs/concepts/two-numbers.md)
@@ -58,6 +60,17 @@ def recording_remarks(
             continue
         facts = {**remark.facts, "numbers": raised or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
+
+
+def _hides_white_noise(inspection: Inspection, axis: str, white: float) -> bool:
+    """Return whether a warm-up adds more than 5 % to the Allan variance N²/T of white noise at T = 1 s, over which a
+    filter predicts: half of its mean square slope."""
+    for trend in inspection.trends:
+        if trend.axis == axis and trend.tau is not None:
+            ratio = inspection.duration / trend.tau
+            square = (trend.size / trend.tau) ** 2 * -math.expm1(-2 * ratio) / (2 * ratio)
+            return square / 2 > 0.05 * white**2
+    return False
 
 
 def pairs_facts(pairs: tuple[str, ...]) -> dict[str, Any]:
