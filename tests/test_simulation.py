@@ -205,7 +205,7 @@ def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix
 def test_a_plain_signal_has_plain_columns(tmp_path):
     made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, rng=1)
     assert made.write_components(tmp_path / "parts.csv") == ("AR1", "WN")
-    with raises(OptionError, ".csv", ".parquet", argument="path", got="parts.txt"):
+    with raises(OptionError, ".csv", ".parquet", argument="path", got=str(tmp_path / "parts.txt")):
         made.write_components(tmp_path / "parts.txt")
     assert [path.name for path in tmp_path.iterdir()] == ["parts.csv"]
 
