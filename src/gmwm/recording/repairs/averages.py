@@ -199,7 +199,10 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
         return SteepFilter()
     passes = float(passing[-1] + 1) * 8 / _LENGTH
     is_steep = 0 < fast < _EMPTY * slow or (is_rounding and _falls_steeply(smooth, passes))
-    if not is_steep or moving_average(density, 2.0 * len(blocks)) is not None:  # a model describes an average
+    if not is_steep:
+        return SteepFilter()
+    # A model describes an average. Rounding hides the zeros that tell one from a longer filter.
+    if not is_rounding and moving_average(density, 2.0 * len(blocks)) is not None:
         return SteepFilter()
     # The memory is ∫ (1 − S(f)/S(0)) / (πf)² df, with the fitted S in the band and 0 above half the rate.
     beyond = np.flatnonzero(smooth[passing[-1] :] <= _BAND * slow)
