@@ -368,3 +368,11 @@ def test_a_level_that_varies_at_random_does_not_change():
         rng = np.random.default_rng((12, seed))
         x = rng.normal(size=SAMPLES) * np.repeat(np.exp(0.2 * rng.normal(size=64)), SAMPLES // 64 + 1)[:SAMPLES]
         assert "heavy-tails:changes" not in codes(seen(x * faults.WHITE).remarks)
+
+
+def test_a_clipped_output_has_no_jumps():
+    """Minus a jump, it would not look clipped: N of 20 of 100 such recordings could be used, 36 % too small."""
+    x = np.random.default_rng(2).normal(size=SAMPLES)
+    x[20_000:] += 3.0
+    steps = seen(1e-3 * np.minimum(x, 3.5)).steps
+    assert not steps

@@ -210,7 +210,8 @@ class RecordingStatistics:
         knocks = tuple(knock for knock in bursts if not motion.meets(knock.time, knock.time + knock.duration))
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples, motion.still)
         means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
-        steps = () if parts else self._steps(means)
+        # A clipped axis minus a jump would not look clipped.
+        steps = () if parts else self._steps({axis: of_axis for axis, of_axis in means.items() if axis in moving})
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
         trends = tuple(trend for axis, of in calm.items() if (trend := trend_of(axis, of, extent)) is not None)
         steady = set(calm).difference(trend.axis for trend in trends)
@@ -264,7 +265,7 @@ class RecordingStatistics:
         """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
         steps = list[Step]()
         for axis, sums in self._axes.items():
-            if axis in axes_with_two_levels(self._remarks):
+            if axis not in means or axis in axes_with_two_levels(self._remarks):
                 continue
             values = partial(self._values, axis)
             clear = jumps_of(axis, means[axis], self._extent, values)

@@ -187,6 +187,8 @@ def held_by_chance(axes: Sequence[Vector], same: Mask) -> Repeats | None:
     lengths = np.diff(np.append(starts, same.size))
     if same.size - starts.size < LIMITS.least_share * same.size or starts.size < 10 * LIMITS.least_changes:
         return None
+    if any(_is_counter(values) for values in axes):
+        return None
     roughness = tuple(_roughness(values) for values in axes)
     factor = max(math.prod(roughness), 1.0)
     if max(roughness) > LIMITS.smoothest:
@@ -210,6 +212,13 @@ def held_by_chance(axes: Sequence[Vector], same: Mask) -> Repeats | None:
         share = 0.0
     is_frozen = np.sum(lengths[long & (lengths > 3)]) > share * same.size
     return Repeats("frozen" if is_frozen else "lost", chance=Chance(limit, float(share), roughness))
+
+
+def _is_counter(values: Vector) -> bool:
+    """Return whether a rounding error is carried over to the next value: then it stays at a count for a long time, and
+    successive differences have a correlation down to −2/3, which is −1/2 for white noise and higher for held values."""
+    steps = np.diff(values)
+    return bool(steps[1:] @ steps[:-1] < -0.55 * (steps @ steps))
 
 
 def _roughness(values: Vector) -> float:
