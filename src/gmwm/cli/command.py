@@ -127,8 +127,8 @@ def _shell_name(parameter: Parameter) -> str:
     if isinstance(info, ArgumentInfo):
         return (info.metavar or parameter.name.upper()).strip("[].")
     # Typer takes the first name of an option in `Annotated` for its default.
-    given = (getattr(info, "default", None), *(getattr(info, "param_decls", None) or ()))
-    options = [text.partition("/")[0] for text in given if isinstance(text, str) and text.startswith("--")]
+    texts = (getattr(info, "default", None), *(getattr(info, "param_decls", None) or ()))
+    options = [text.partition("/")[0] for text in texts if isinstance(text, str) and text.startswith("--")]
     usual = f"--{parameter.name.replace('_', '-')}"
     return usual if usual in options or not options else options[0]
 
@@ -142,12 +142,12 @@ def _named_by(names: Mapping[str, str], given: Mapping[str, Any]) -> Iterator[No
     try:
         yield
     except GmwmError as error:
-        known = {**names, **error.options}
-        for name in {error.argument or "", error.prefix} - {"", *known}:
+        options = {**names, **error.options}
+        for name in {error.argument or "", error.prefix} - {"", *options}:
             if shell_option(name) not in names.values():
                 same = (names[other] for other, value in given.items() if _is_value(value, error.got))
-                known[name] = next(same, name)
-        error.options = known
+                options[name] = next(same, name)
+        error.options = options
         raise
 
 

@@ -153,8 +153,8 @@ class TailSums:
             y = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2])
         # Differences of pairs have the tails of the samples, and hardly any slow noise.
         pairs = np.abs(panel[1::2] - panel[: panel.size // 2 * 2 : 2])
-        kept = int(2 * LIMITS.tail * pairs.size) + 1  # panels share them unequally
-        self._largest.append(np.partition(pairs, -kept)[-kept:])
+        most = int(2 * LIMITS.tail * pairs.size) + 1  # panels share them unequally
+        self._largest.append(np.partition(pairs, -most)[-most:])
         self._pairs += pairs.size
         pairs *= pairs
         self._powers += pairs.sum(), pairs @ pairs

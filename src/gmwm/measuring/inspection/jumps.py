@@ -208,9 +208,9 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
         y = means - sizes @ courses
     _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
-    left, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
+    without_courses, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
     # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
-    return found if left < 0.9**2 * with_courses else []
+    return found if without_courses < 0.9**2 * with_courses else []
 
 
 def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:

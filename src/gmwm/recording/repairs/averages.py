@@ -213,7 +213,7 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in (2, 3, 4, 6, 8, 12, 16)]
     (line, *_), power = min(fits, key=lambda fit: float(fit[0][1][0]))
     fitted = np.exp(np.polyval(line, frequency**power))
-    fitted *= np.mean(density[band] / fitted[band])  # the mean of a logarithm is below that of the density
+    fitted *= np.mean(density[band] / fitted[band])  # the fit of logarithms lies below the mean density
     share = np.append(fitted[1:end], density[end:]) / fitted[0]
     memory = (float(np.sum((1 - share) / frequency[1:] ** 2)) / _LENGTH + 2) / np.pi**2
     return SteepFilter(max(round(_OF_RATE / (2 * passes)), 1), max(memory, 0.0))
