@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
@@ -43,7 +44,6 @@ from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Streamed
-from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import RW

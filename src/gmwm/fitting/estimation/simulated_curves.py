@@ -9,10 +9,9 @@ from itertools import islice
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Matrix, as_whole_number
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.api import variances_alone
-from gmwm.recording.options import as_whole_number
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.validation import require_values
 
