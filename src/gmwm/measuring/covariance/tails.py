@@ -143,7 +143,9 @@ class TailSums:
         # Shorter panels do not resolve the spectral density.
         if levels < 1 or count < 1 or panel.size < 2 * LIMITS.block:
             return
-        y = _block_means(panel, self._block, levels, count)
+        # All coefficients are used: those of rounding errors are uncorrelated even if they are one sample apart.
+        y = np.empty((count, levels))
+        _core.haar_block_squares(_core.running_sum(panel), self._block, y)
         for size in range(self._sum.shape[0]):
             self._number[size, :levels] += y.shape[0]
             self._sum[size, :levels] += y.sum(axis=0)
@@ -211,14 +213,6 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
     best = int(np.argmax(ratios - 1 >= 0.98 * (np.max(ratios) - 1)))
     size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
     return np.asarray(size * shapes[best]), float(ratios[best])
-
-
-def _block_means(panel: Vector, block: int, levels: int, count: int) -> Matrix:
-    """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
-    # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
-    y = np.empty((count, levels))
-    _core.haar_block_squares(_core.running_sum(panel), block, y)
-    return y
 
 
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
