@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import picture_units, unit_system
-from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, progress, table_text
 from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -98,8 +98,6 @@ def _measure(
     signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
     """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
-    from gmwm.cli.output import over_axes
-
     if clusters != "all":
         return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")
     _print_cost(signals, kind)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import View, picture_units, unit_system
-from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
+from gmwm.cli.output import Outcome, calibration_file, over_axes, plot_file, table_text, tell
 from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -95,7 +95,6 @@ def _names(files: Sequence[Path]) -> list[str]:
 
 def _measure(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
     from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
 
     robust = kind == "robust"
     measure = partial(

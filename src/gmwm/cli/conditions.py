@@ -14,7 +14,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, plot_file, text_file
+from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, over_axes, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
@@ -145,7 +145,6 @@ def fit_conditions(
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
     from gmwm import fit, wavelet_variance
     from gmwm.choosing.datasheets import numbers_at
-    from gmwm.cli.output import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
     sums, conditions = as_varies(varies), read_table(table)

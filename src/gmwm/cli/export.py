@@ -19,7 +19,8 @@ from gmwm.cli.command import command
 from gmwm.cli.model_source import read_given
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
-from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters import export as exported
+from gmwm.showing.exporters import export_all, export_formats
 
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",
@@ -158,7 +159,6 @@ def _one(
     found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _ExportArguments
 ) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
-    from gmwm.showing.exporters import export as exported
     from gmwm.showing.exporters.base import require_extension
 
     if output is not None:
@@ -173,8 +173,6 @@ def _one(
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
-    from gmwm.showing.exporters import export_all
-
     written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
@@ -196,7 +194,6 @@ class KalibrFile:
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
     from gmwm.base.units import sensor_of
-    from gmwm.showing.exporters import export as exported
 
     target, remarks = folder / "imu.yaml", []
     if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:

@@ -22,6 +22,7 @@ from gmwm.cli.output import (
     json_text,
     make_directory,
     optional_plots,
+    over_axes,
     progress,
     table_text,
     tell,
@@ -234,7 +235,6 @@ def fit_axes(
 ) -> dict[str, Fit]:  # fmt: skip
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
-    from gmwm.cli.output import over_axes
     from gmwm.measuring.covariance.tails import with_tails
 
     def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:

@@ -95,7 +95,6 @@ def _scales(text: str) -> float | tuple[float, float]:
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
     """Read the recordings of all units, with the chosen axes."""
     from gmwm.files.readers.api import read_units
-    from gmwm.recording.signals import Imu
 
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)

@@ -41,7 +41,6 @@ def open_recording(
             "--scheduler and --workers read the recording in chunks", argument="chunked", got=chunked,
             advice="Leave {--chunked=no} out.",
         )  # fmt: skip
-    from gmwm.cli.output import progress
     from gmwm.files.readers.api import stream_file
     from gmwm.files.readers.streams import is_large
 
@@ -65,7 +64,6 @@ def stream_curves(
 ) -> dict[str, WaveletVariance]:  # fmt: skip
     """Compute a stream's wavelet variances; the remarks of its inspection become warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
-    from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("reading") as advance:

@@ -17,7 +17,7 @@ from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
 from gmwm.cli.model_source import read_given
-from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, plot_file, tell
 from gmwm.cli.read_options import chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
@@ -221,7 +221,6 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
 def _fit_models(path: Path) -> Mapping[str, Any]:
     """Return the calibration in a file or folder, or the fits by axis if it holds a fits.json."""
     from gmwm import Calibration, Fit
-    from gmwm.cli.output import calibration_file
     from gmwm.cli.plan import fits_in
 
     file = calibration_file(path)

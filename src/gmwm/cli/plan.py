@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gmwm.base.arrays import Integers
+from gmwm.base.arrays import Integers, as_rate
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
@@ -122,7 +122,6 @@ def _plan(
 ) -> tuple[Plan, dict[str, float]]:  # fmt: skip
     from gmwm import WaveletVariance
     from gmwm import plan as planned
-    from gmwm.base.arrays import as_rate
     from gmwm.fitting.inference.planning import as_accuracy
 
     as_accuracy(accuracy)

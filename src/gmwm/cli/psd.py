@@ -10,7 +10,7 @@ from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
 from gmwm.cli.measuring import open_recording, tell_inspection
 from gmwm.cli.options import Chunked, picture_units
-from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, progress, table_text
 from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
@@ -71,7 +71,6 @@ def _measure(
     recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.spectrum import PowerSpectra, psd
 

@@ -11,7 +11,7 @@ from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, axes_of, axis_models, model_source
 from gmwm.cli.options import chosen_efficiency
-from gmwm.cli.output import Outcome, file_names, plot_file, table_text
+from gmwm.cli.output import Outcome, file_names, over_axes, plot_file, table_text
 from gmwm.cli.read_options import chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
@@ -70,7 +70,6 @@ def residuals(
 
 
 def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
-    from gmwm.cli.output import over_axes
     from gmwm.fitting.likelihood import residuals as residuals_of
 
     def one(signal: Signal) -> Residuals:

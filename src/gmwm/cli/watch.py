@@ -16,7 +16,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length, parse_share
 from gmwm.cli.command import command, with_settings
 from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
-from gmwm.cli.output import Outcome
+from gmwm.cli.output import Outcome, table_text
 from gmwm.cli.read_options import ReadOptionTexts, chosen_names
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
@@ -78,7 +78,6 @@ def whole_text(
     """Format the complete status: a table of deviations for each sensor, and a table of estimates for each axis."""
     from gmwm.base.text import duration_text
     from gmwm.base.units import by_sensor
-    from gmwm.cli.output import table_text
     from gmwm.showing.plots.labels import view_of
 
     first = next(iter(curves.values()))
@@ -107,7 +106,6 @@ def _relative(wv: WaveletVariance) -> Any:
 def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     """Format the estimates of an axis as a table, with intervals and whether the recording is long enough."""
     from gmwm.base.text import duration_text
-    from gmwm.cli.output import table_text
     from gmwm.fitting.estimation.summary import IntervalMethod, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed_durations(fit, accuracy)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.cli.command import command
 from gmwm.cli.measuring import needs_memory, open_recording, stream_curves, tell_inspection
 from gmwm.cli.options import Chunked, Transform, View, chosen_efficiency, picture_units, unit_system
-from gmwm.cli.output import Outcome, csv_file, plot_file, table_text
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, table_text
 from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
@@ -100,7 +100,6 @@ def _measure(
 ) -> dict[str, WaveletVariance]:  # fmt: skip
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
     from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
 
     chosen = chosen_names(recording.axes, axis)
