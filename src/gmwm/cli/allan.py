@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import EstimationOption, Plot, ResultOption, Units, picture_units, unit_system
+from gmwm.cli.options import picture_units, unit_system
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -36,34 +36,29 @@ Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonover
 
 @command
 def allan(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
-    kind: Annotated[
-        Kind,
-        EstimationOption(
-            help="Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear "
-            "drift does not affect; or total variance, which has more degrees of freedom at long averaging times."
-        ),
-    ] = "overlapping",
-    clusters: Annotated[
-        Literal["octave", "decade", "all"],
-        EstimationOption(
-            help="Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time "
-            "for all sizes is proportional to the square of the number of samples."
-        ),
-    ] = "octave",
-    slopes: Annotated[
-        bool, ResultOption("--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.")
-    ] = False,
-    datasheet: Units = None,
-    csv: Annotated[Path | None, ResultOption(help="Write all values of all axes to this CSV file (SI units).")] = None,
-    plot: Plot = None,
+    axis: list[str] | None = None,
+    kind: Kind = "overlapping",
+    clusters: Literal["octave", "decade", "all"] = "octave",
+    slopes: bool = False,
+    datasheet: bool | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 
     The samples are angular rates and specific forces. The 95 % confidence intervals come from a chi-square
     distribution, whose degrees of freedom depend on the dominant noise type at each averaging time.
+
+    Estimation:
+        kind: Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear drift
+            does not affect; or total variance, which has more degrees of freedom at long averaging times.
+        clusters: Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time
+            for all sizes is proportional to the square of the number of samples.
+    Result:
+        slopes: Estimate Q, N, B, K and R from the slopes of the Allan deviation.
+        csv: Write all values of all axes to this CSV file (SI units).
     """
     from gmwm.measuring.variance.allan_regression import avlr
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Efficiency, EstimationOption, Plot, Units, View, picture_units, unit_system
+from gmwm.cli.options import View, picture_units, unit_system
 from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
-from gmwm.cli.read_options import Axes, chosen_axes, load
+from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -29,17 +27,15 @@ EXAMPLES = (
 
 @command
 def compare(
-    files: Annotated[
-        list[Path], typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…")
-    ],
+    files: list[Path],
     reading: ReadOptions,
-    axis: Axes = None,
-    classical: Annotated[bool, EstimationOption("--classical", help="Show only the classical curve.")] = False,
-    robust: Annotated[bool, EstimationOption("--robust", help="Show only the robust curve.")] = False,
-    efficiency: Efficiency = None,
-    view: View = None,
-    datasheet: Units = None,
-    plot: Plot = None,
+    axis: list[str] | None = None,
+    classical: bool = False,
+    robust: bool = False,
+    efficiency: float | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Compare the classical and robust wavelet variances of one or several recordings.
 
@@ -47,6 +43,12 @@ def compare(
     errors. The robust curve tolerates up to 26 % bad coefficients; at level j, one bad sample affects 2^j coefficients.
     If more than half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero,
     and the command prints a warning.
+
+    Arguments:
+        files (FILE…): One or more recordings, each in any supported format.
+    Estimation:
+        classical: Show only the classical curve.
+        robust: Show only the robust curve.
     """
     if calibrations := [
         file for file in files if calibration_file(file).is_file() and calibration_file(file).suffix == ".json"

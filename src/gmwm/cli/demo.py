@@ -7,9 +7,7 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from gmwm.base.remarks import Dialect
 from gmwm.base.text import TEXT_WIDTH
@@ -21,7 +19,6 @@ from gmwm.calibration.tables import wrap_text
 from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
-from gmwm.cli.options import Json
 from gmwm.cli.output import Outcome, file_names, make_directory, progress, table_text
 from gmwm.measuring.inspection.result import text as inspection_text
 from gmwm.recording.signals import Imu
@@ -36,18 +33,18 @@ RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 
 @command
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the files of the demo.")] = Path(
-        "demo-output"
-    ),
-    seed: Annotated[
-        int, typer.Option(help="Seed of the simulation. Another seed gives another recording of the same unit.", min=0)
-    ] = 2018,
-    json: Json = False,
+    output: Path = Path("demo-output"),
+    seed: int = 2018,
+    json: bool = False,
 ) -> Outcome:
     """Simulate a six-axis IMU, calibrate it, and compare the result with the truth.
 
     The simulated recording is written to a file, and then read, inspected, calibrated and plotted like your own
     recordings.
+
+    Options:
+        output (--output, -o): Directory for the files of the demo.
+        seed (≥ 0): Seed of the simulation. Another seed gives another recording of the same unit.
     """
     from gmwm.files.readers import read
     from gmwm.measuring.inspection import inspect

@@ -16,8 +16,7 @@ from gmwm.base.time_base import parse_length
 from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import ResultOption
+from gmwm.cli.model_source import read_given
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
 from gmwm.showing.exporters import export_formats
@@ -35,15 +34,8 @@ DEFAULT = "kalibr"
 
 @command
 def export(
-    calibrations: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="The calibration.json that gmwm calibrate --output wrote, or its folder. Give two if gyroscopes and "
-            "accelerometers were calibrated separately. The state-space formats also accept the fits.json of gmwm fit.",
-            metavar="CALIBRATION...",
-        ),
-    ] = None,
-    source: GivenText = None,
+    calibrations: list[Path] | None = None,
+    source: str | None = None,
     format: Annotated[
         str | None,
         typer.Option(
@@ -52,40 +44,13 @@ def export(
             autocompletion=lambda incomplete: [name for name in export_formats() if name.startswith(incomplete)],
         ),
     ] = None,
-    axes: Annotated[
-        Literal["worst", "mean", "each"] | None,
-        typer.Option(
-            help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
-            "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
-            "and messages."
-        ),
-    ] = None,
-    inflation: Annotated[
-        float, typer.Option(help="Factor on all standard deviations. Variances are multiplied by its square.")
-    ] = 1.0,
-    horizon: Annotated[
-        str,
-        typer.Option(
-            help="Time over which a filter with N and K predicts best and states its real error, such as 100ms, 1s, "
-            "1min or a number of seconds.",
-            metavar="LENGTH",
-        ),
-    ] = f"{DEFAULT_HORIZON_S:g}s",
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording.")
-    ] = None,
-    duration: Annotated[
-        str | None,
-        typer.Option(
-            help="For programs that model the bias as a Gauss-Markov process: longest averaging time to which this "
-            "process is fitted. Default: 1h, or the duration of the recording if it is shorter.",
-            metavar="LENGTH",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, ResultOption("--output", "-o", help="Write to this file. Default: print the text.")
-    ] = None,
-    all: Annotated[Path | None, ResultOption("--all", help="Write one file in each format to this directory.")] = None,
+    axes: Literal["worst", "mean", "each"] | None = None,
+    inflation: float = 1.0,
+    horizon: str = f"{DEFAULT_HORIZON_S:g}s",
+    rate: float | None = None,
+    duration: str | None = None,
+    output: Path | None = None,
+    all: Path | None = None,
 ) -> Outcome:
     """Write the noise of a calibrated unit in the format of another program.
 
@@ -93,6 +58,24 @@ def export(
     processes, the file contains the upper limit from the data instead of zero, and a comment says so. The header of
     each file states the units, whether the values are for continuous or discrete time, how axes are combined, and the
     inflation, horizon, models and source.
+
+    Arguments:
+        calibrations (CALIBRATION...): The calibration.json that gmwm calibrate --output wrote, or its folder. Give two
+            if gyroscopes and accelerometers were calibrated separately. The state-space formats also accept the
+            fits.json of gmwm fit.
+    Options:
+        axes: How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or one
+            value for each axis (each) if the format allows it. Default: worst for filters, each for simulators and
+            messages.
+        inflation: Factor on all standard deviations. Variances are multiplied by its square.
+        horizon (LENGTH): Time over which a filter with N and K predicts best and states its real error, such as 100ms,
+            1s, 1min or a number of seconds.
+        rate: Sampling rate (Hz) in the other program. Default: the rate of the recording.
+        duration (LENGTH): For programs that model the bias as a Gauss-Markov process: longest averaging time to which
+            this process is fitted. Default: 1h, or the duration of the recording if it is shorter.
+    Result:
+        output (--output, -o): Write to this file. Default: print the text.
+        all: Write one file in each format to this directory.
     """
     if all is not None and (format is not None or output is not None):
         raise OptionError(

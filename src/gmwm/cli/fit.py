@@ -12,30 +12,10 @@ import typer
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fit_conditions, require_unused
-from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
-from gmwm.cli.model_source import (
-    LIKELIHOOD,
-    LikelihoodResult,
-    asked_again,
-    judge_fits,
-    likelihood_fits,
-    likelihoods_text,
-)
+from gmwm.cli.measuring import measure_together, memory_for, needs_memory, open_together
+from gmwm.cli.model_source import LikelihoodResult, asked_again, judge_fits, likelihood_fits, likelihoods_text
 from gmwm.cli.model_source import as_dict as likelihood_as_dict
-from gmwm.cli.options import (
-    AgainstOption,
-    Efficiency,
-    EstimationOption,
-    ResultOption,
-    Robust,
-    TransformName,
-    Units,
-    View,
-    checked_confidence,
-    chosen_efficiency,
-    joined_against,
-    picture_units,
-)
+from gmwm.cli.options import Chunked, Transform, View, chosen_efficiency, joined_against, picture_units
 from gmwm.cli.output import (
     NewFile,
     Outcome,
@@ -48,7 +28,7 @@ from gmwm.cli.output import (
     text_file,
     units_text,
 )
-from gmwm.cli.read_options import Axes, Files, chosen_axes, document_of, only_file
+from gmwm.cli.read_options import chosen_axes, document_of, only_file
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
 from gmwm.theory.processes import ordered_classes, registry
@@ -78,7 +58,7 @@ _PROCESSES = ", ".join(
 
 @command
 def fit(
-    files: Files,
+    files: list[Path],
     reading: ReadOptions,
     model: Annotated[
         str,
@@ -90,88 +70,26 @@ def fit(
             metavar="MODEL",
         ),
     ],
-    axis: Axes = None,
-    against: AgainstOption = None,
-    conditions: Annotated[
-        Path | None,
-        EstimationOption(
-            help="CSV table of a condition. Its columns are start, stop (s from the first sample) and the condition, "
-            "for example start,stop,rate, if it was constant in parts of the recording; or time and the condition, "
-            "time,rate, if it moved. One model is fitted to all values.",
-            metavar="TABLE",
-        ),
-    ] = None,
-    varies: Annotated[
-        list[str] | None,
-        EstimationOption(
-            help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
-            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta: rate' is "
-            "the shape β = exp(a + b rate). Repeat the option for other terms.",
-            metavar="TERM: SUM",
-        ),
-    ] = None,
-    weighting: Annotated[
-        Literal["diagonal", "optimal", "identity"] | None,
-        EstimationOption(
-            help="Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal), "
-            "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
-            "such as AR(2)."
-        ),
-    ] = None,
-    filter: Annotated[
-        str,
-        EstimationOption(
-            "--filter",
-            "--moments",
-            help="Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of first differences "
-            "at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood. Filters: haar, "
-            "d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
-        ),
-    ] = "haar",
-    transform: TransformName = "modwt",
-    robust: Robust = False,
-    efficiency: Efficiency = None,
-    likelihood: Annotated[
-        bool,
-        EstimationOption(
-            *LIKELIHOOD,
-            help="Refine the wavelet fit by maximum likelihood, and print both. Outliers affect the likelihood.",
-        ),
-    ] = False,
-    certify: Annotated[
-        bool,
-        EstimationOption("--certify/--no-certify", help="Compute a certificate that the fit is the global optimum."),
-    ] = True,
-    start_draws: Annotated[
-        int | None,
-        EstimationOption(
-            "--start-draws",
-            help="Start from the best of this number of random parameter values instead of the usual search. Only for "
-            "comparisons with the original method. --seed sets the random numbers.",
-            metavar="DRAWS",
-            min=1,
-        ),
-    ] = None,
-    confidence: Annotated[
-        float, ResultOption(callback=checked_confidence, help="Level of the confidence intervals.", metavar="LEVEL")
-    ] = 0.95,
-    bootstrap_draws: Annotated[
-        int | None,
-        ResultOption(
-            "--bootstrap-draws",
-            help="Compute the intervals and the goodness-of-fit test from this number of simulated records, for "
-            "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
-            metavar="DRAWS",
-        ),
-    ] = None,
-    seed: Annotated[int, ResultOption(help="Seed of the bootstrap and of the random draws.", min=0)] = 0,
+    axis: list[str] | None = None,
+    against: list[str] | None = None,
+    conditions: Path | None = None,
+    varies: list[str] | None = None,
+    weighting: Literal["diagonal", "optimal", "identity"] | None = None,
+    filter: str = "haar",
+    transform: Transform = "modwt",
+    robust: bool = False,
+    efficiency: float | None = None,
+    likelihood: bool = False,
+    certify: bool = True,
+    start_draws: int | None = None,
+    confidence: float = 0.95,
+    bootstrap_draws: int | None = None,
+    seed: int = 0,
     chunked: Chunked = "auto",
-    plot: Annotated[Path | None, ResultOption(help="Plot the fits to this .png, .pdf or .svg file.")] = None,
-    output: Annotated[
-        Path | None, ResultOption(help="Write fits.json and a plot of each fit to this directory.")
-    ] = None,
-    view: View = None,
-    datasheet: Units = None,
+    plot: Path | None = None,
+    output: Path | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
 ) -> Outcome:
     """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
@@ -182,6 +100,32 @@ def fit(
 
     If several files are given, they must be recordings of one unit. One model is fitted to the mean of their curves,
     and a test shows whether the recordings have the same noise. The intervals include the spread between recordings.
+
+    Estimation:
+        conditions (TABLE): CSV table of a condition. Its columns are start, stop (s from the first sample) and the
+            condition, for example start,stop,rate, if it was constant in parts of the recording; or time and the
+            condition, time,rate, if it moved. One model is fitted to all values.
+        varies (TERM: SUM): With --conditions: how the variance of a term depends on the condition, as a sum of known
+            functions with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta:
+            rate' is the shape β = exp(a + b rate). Repeat the option for other terms.
+        weighting: Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal),
+            or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters such
+            as AR(2).
+        filter (--filter, --moments): Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of
+            first differences at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood.
+            Filters: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.
+        likelihood (--likelihood, --ml): Refine the wavelet fit by maximum likelihood, and print both. Outliers affect
+            the likelihood.
+        certify (--certify/--no-certify): Compute a certificate that the fit is the global optimum.
+        start_draws (DRAWS ≥ 1): Start from the best of this number of random parameter values instead of the usual
+            search. Only for comparisons with the original method. --seed sets the random numbers.
+    Result:
+        confidence (LEVEL): Level of the confidence intervals.
+        bootstrap_draws (DRAWS): Compute the intervals and the goodness-of-fit test from this number of simulated
+            records, for example 500, instead of from theory. Intervals at 95 % need at least 39 records.
+        seed (≥ 0): Seed of the bootstrap and of the random draws.
+        plot: Plot the fits to this .png, .pdf or .svg file.
+        output: Write fits.json and a plot of each fit to this directory.
     """
     from gmwm import Imu, Model
     from gmwm.fitting.estimation import Sampled
@@ -198,11 +142,11 @@ def fit(
             weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
     if likelihood:
-        only_file(files, LIKELIHOOD[0])
+        only_file(files, "--likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)
     terms = joined_against(against, NONE)
     memory = memory_for(terms, needs_memory(filter, transform))
-    recordings = open_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
+    recordings = open_together(files, reading, chunked, whole="--likelihood" if likelihood else memory)
     if output is not None:
         make_directory(output)
     signals = measure_together(

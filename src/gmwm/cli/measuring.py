@@ -7,13 +7,11 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
-from gmwm.cli.options import InputOption, ParallelOption
+from gmwm.cli.options import Chunked, Transform
 from gmwm.cli.output import progress, tell
 from gmwm.cli.read_options import chosen_axes, chosen_names, load, names_of
 from gmwm.measuring.regression.against import NONE, Asked
@@ -27,33 +25,8 @@ if TYPE_CHECKING:
     from gmwm.recording.signals import Imu, Signal
 
 
-Chunked = Annotated[
-    Literal["auto", "yes", "no"],
-    InputOption(
-        help="Read the recording in chunks, which needs little memory. auto: only for files of 300 MB or more. The "
-        "result is the same."
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    ParallelOption(
-        help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the recording and "
-        "needs the file at the same path. Default: this process.",
-        metavar="ADDRESS",
-    ),
-]
-Workers = Annotated[
-    int | None,
-    ParallelOption(
-        help="Number of processes on this machine; each reads a part of the recording. Default: threads in one "
-        "process.",
-        min=1,
-    ),
-]
-
-
 def open_recording(
-    path: Path, reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, spread: bool = False, whole: str = ""
+    path: Path, reading: ReadOptions, chunked: Chunked, *, spread: bool = False, whole: str = ""
 ) -> Imu | Stream:
     """Open the recording in a file, in memory or in chunks."""
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
@@ -133,7 +106,7 @@ def signals_or_curves(
 
 
 def open_together(
-    files: Sequence[Path], reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, whole: str = ""
+    files: Sequence[Path], reading: ReadOptions, chunked: Chunked, *, whole: str = ""
 ) -> dict[str, Imu | Stream]:
     """Open one or several recordings of one unit, and return them by name."""
     return {
@@ -153,7 +126,7 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
 
 def measure_together(
     recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
-    against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
+    against: str = NONE, filter: str = "haar", transform: Transform = "modwt",
 ) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
     """Return each axis's data to fit: signals or variances of one recording, or pooled ones of several."""
     from gmwm.measuring.covariance.tails import with_tails
@@ -189,15 +162,6 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     for remark in inspection.remarks:
         tell(remark)
     return conditions
-
-
-Idle = Annotated[
-    str | None,
-    typer.Option(
-        help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
-        metavar="LENGTH",
-    ),
-]
 
 
 @contextmanager

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import p_text
-from gmwm.cli.options import EstimationOption, named_as_options
+from gmwm.cli.options import named_as_options
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
@@ -26,10 +24,6 @@ if TYPE_CHECKING:
     from gmwm.measuring.regression.result import Regression
     from gmwm.recording.signals import Signal
     from gmwm.theory.processes.model import Model
-
-
-LIKELIHOOD = ("--likelihood", "--ml")
-"""Names of the option for a maximum-likelihood fit, in every command that has this option."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,33 +141,6 @@ def _sensor_text(group: Mapping[str, LikelihoodResult]) -> str:
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(first.units())}"
 
 
-ModelText = Annotated[
-    str | None,
-    typer.Option(
-        "--model",
-        "-m",
-        help="Sum of processes, as for gmwm fit. If all parameters have values, the command uses these values; "
-        "otherwise it first fits the model to each axis.",
-        metavar="MODEL",
-    ),
-]
-FromFits = Annotated[
-    Path | None,
-    typer.Option(
-        help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
-        "from this recording, or from another recording of the same unit at the same rate."
-    ),
-]
-ByLikelihood = Annotated[
-    bool,
-    EstimationOption(
-        *LIKELIHOOD,
-        help="Fit the model by maximum likelihood, starting from the wavelet fit. With --from-fits, use the "
-        "maximum-likelihood fit in the file.",
-    ),
-]
-
-
 @dataclass(frozen=True, eq=False)
 class AxisModel:
     """The model of one axis."""
@@ -286,26 +253,6 @@ def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
         fit = Fit.from_dict(content)
     same = source.fitted_file is not None and Path(source.fitted_file).name == file.name
     return AxisModel(fit, f"from {source.fits_file}", same)
-
-
-NoiseText = Annotated[
-    str,
-    typer.Argument(
-        help="The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of them; or the "
-        "numbers of a datasheet or a file of another program, as for gmwm export --from.",
-        metavar="SOURCE",
-    ),
-]
-GivenText = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        help="Noise without a recording: the numbers of a datasheet, such as 'gyro: N=0.15deg/√h, B=3deg/h over 100s; "
-        "accel: N=60µg/√Hz, B=0.02mg', or a file of Kalibr, allan_variance_ros, imu_utils, OpenVINS, Kimera, VINS, "
-        "ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4, ArduPilot or MATLAB.",
-        metavar="SOURCE",
-    ),
-]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,20 +8,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import Json, ResultOption
+from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
+from gmwm.cli.model_source import read_given
 from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
-from gmwm.cli.read_options import Axes, chosen_names, names_of
+from gmwm.cli.read_options import chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -39,48 +36,18 @@ EXAMPLES = (
 
 @command
 def monitor(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            help="One recording in any supported format, or - for text on standard input; or the recordings of three "
-            "or more units that were recorded at the same time.",
-            metavar="FILE|-…",
-        ),
-    ],
+    files: list[str],
     reading: ReadOptions,
-    from_fits: Annotated[
-        Path | None,
-        typer.Option(
-            help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
-            "the folder of one of them."
-        ),
-    ] = None,
-    source: GivenText = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
-            "Default: the baseline in calibration.json."
-        ),
-    ] = None,
-    every: Annotated[
-        str,
-        typer.Option(
-            help="Average time between false alarms if the sensor does not change, for all axes together.",
-            metavar="LENGTH",
-        ),
-    ] = "30d",
-    axis: Axes = None,
-    follow: Annotated[
-        bool, typer.Option("--follow", help="Wait for more data at the end of a text file that is being written.")
-    ] = False,
-    idle: Idle = None,
-    plot: Annotated[
-        Path | None,
-        ResultOption(help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file."),
-    ] = None,
-    output: Annotated[Path | None, ResultOption("--output", "-o", help="Write a summary to this .html file.")] = None,
-    json: Json = False,
+    from_fits: Path | None = None,
+    source: str | None = None,
+    reference: Path | None = None,
+    every: str = "30d",
+    axis: list[str] | None = None,
+    follow: bool = False,
+    idle: str | None = None,
+    plot: Path | None = None,
+    output: Path | None = None,
+    json: bool = False,
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
 
@@ -96,6 +63,20 @@ def monitor(
     units with each other, which removes disturbances that they share. Each event names the unit that has changed.
 
     Exit codes: 0 no event, 1 at least one event, 2 error.
+
+    Arguments:
+        files (FILE|-…): One recording in any supported format, or - for text on standard input; or the recordings of
+            three or more units that were recorded at the same time.
+    Options:
+        from_fits: Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the
+            folder of one of them.
+        reference: Recording of the healthy sensor at rest, from which the baseline of the control charts is computed.
+            Default: the baseline in calibration.json.
+        every (LENGTH): Average time between false alarms if the sensor does not change, for all axes together.
+        follow: Wait for more data at the end of a text file that is being written.
+    Result:
+        plot: Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.
+        output (--output, -o): Write a summary to this .html file.
     """
     patience = None if idle is None else parse_length(idle, "idle")
     seconds = parse_length(every, "every")

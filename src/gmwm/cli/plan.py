@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import typer
+from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm.base.arrays import Integers
 from gmwm.base.atomic_files import read_json
@@ -15,8 +13,7 @@ from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length, parse_share
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import Plot
+from gmwm.cli.model_source import read_given
 from gmwm.cli.output import Outcome, plot_file, progress, tell
 
 if TYPE_CHECKING:
@@ -34,42 +31,15 @@ EXAMPLES = (
 
 @command
 def plan(
-    duration: Annotated[
-        str,
-        typer.Option(
-            help="Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.",
-            metavar="LENGTH",
-        ),
-    ],
-    model: Annotated[
-        str | None,
-        typer.Argument(
-            help="Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s). "
-            "Values in fixed(…) are treated as known.",
-            metavar="MODEL",
-        ),
-    ] = None,
-    from_fits: Annotated[
-        Path | None,
-        typer.Option(
-            help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
-            "recording."
-        ),
-    ] = None,
-    source: GivenText = None,
-    axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
-    accuracy: Annotated[
-        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
-    ] = "0.1",
-    weighting: Annotated[
-        Literal["diagonal", "optimal"] | None,
-        typer.Option(
-            help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
-            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2)."
-        ),
-    ] = None,
-    plot: Plot = None,
+    duration: str,
+    model: str | None = None,
+    from_fits: Path | None = None,
+    source: str | None = None,
+    axis: str | None = None,
+    rate: float | None = None,
+    accuracy: str = "0.1",
+    weighting: Literal["diagonal", "optimal"] | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Plan how long to record: print the standard error of each parameter for several durations.
 
@@ -77,6 +47,19 @@ def plan(
     the model, without simulation. Take the values of the model from a pilot recording (gmwm fit --output) or from a
     datasheet. If the relative standard error of a parameter is above 50 %, the recording does not determine it. With
     --from-fits, the planned recording is assumed to have gaps like those of the pilot recording.
+
+    Arguments:
+        model (MODEL): Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s).
+            Values in fixed(…) are treated as known.
+    Options:
+        duration (LENGTH): Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.
+        from_fits: Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot
+            recording.
+        axis: Axis to use from --from-fits or --from.
+        rate: Sampling rate (Hz). Not needed with --from-fits.
+        accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
+        weighting: Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal).
+            Default: diagonal, but optimal for processes with several shape parameters such as AR(2).
     """
     if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(

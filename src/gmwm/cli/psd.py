@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
-from gmwm.cli.options import EstimationOption, Plot, ResultOption, picture_units
+from gmwm.cli.measuring import open_recording, tell_inspection
+from gmwm.cli.options import Chunked, picture_units
 from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
+from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -28,30 +28,29 @@ EXAMPLES = (
 
 @command
 def psd(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
+    axis: list[str] | None = None,
     chunked: Chunked = "auto",
-    length: Annotated[
-        int | None,
-        EstimationOption(
-            help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
-            "to 65536 that gives at least 15 blocks."
-        ),
-    ] = None,
-    detrend: Annotated[
-        Literal["constant", "linear"],
-        EstimationOption(help="Trend to remove from each block: its mean (constant) or a fitted line (linear)."),
-    ] = "constant",
-    datasheet: Annotated[bool | None, ResultOption("--datasheet/--si", help="Use deg/h, mg (default), or SI.")] = None,
-    csv: Annotated[Path | None, ResultOption(help="Write all frequencies to this CSV file (SI units).")] = None,
-    plot: Plot = None,
+    length: int | None = None,
+    detrend: Literal["constant", "linear"] = "constant",
+    datasheet: bool | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Print the lines and the resonances in the power spectral density of each axis.
 
     The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a significant broad peak,
     such as a resonance. For each axis, the probability of any false line or bump is at most 1 %. Q is the frequency
     divided by the width.
+
+    Estimation:
+        length: Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up to
+            65536 that gives at least 15 blocks.
+        detrend: Trend to remove from each block: its mean (constant) or a fitted line (linear).
+    Result:
+        datasheet (--datasheet/--si): Use deg/h, mg (default), or SI.
+        csv: Write all frequencies to this CSV file (SI units).
     """
     recording = open_recording(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)

@@ -9,18 +9,15 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from gmwm.base.errors import FitWarning, GmwmError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length, parse_share
 from gmwm.cli.command import command, with_settings
-from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.options import Datasheet, Json
+from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
 from gmwm.cli.output import Outcome
-from gmwm.cli.read_options import Axes, Columns, Increments, Mount, Rate, ReadOptionTexts, Scale, Units, chosen_names
+from gmwm.cli.read_options import ReadOptionTexts, chosen_names
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
@@ -190,31 +187,21 @@ EXAMPLES = (
 
 @command
 def watch(
-    file: Annotated[
-        str, typer.Argument(help="Text file that is being written, or - for standard input.", metavar="FILE|-")
-    ],
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    scale: Scale = None,
-    increments: Increments = None,
-    mount: Mount = None,
-    axis: Axes = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model", "-m", help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
-            metavar="MODEL",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
-    ] = "0.1",
-    every: Annotated[str, typer.Option(help="Time between updates, such as 5s or 1min.", metavar="LENGTH")] = "5s",
-    idle: Idle = None,
-    datasheet: Datasheet = False,
-    json: Json = False,
-) -> Outcome:  # fmt: skip
+    file: str,
+    rate: float | None = None,
+    units: str | None = None,
+    columns: str | None = None,
+    scale: str | None = None,
+    increments: str | None = None,
+    mount: str | None = None,
+    axis: list[str] | None = None,
+    model: str | None = None,
+    accuracy: str = "0.1",
+    every: str = "5s",
+    idle: str | None = None,
+    datasheet: bool = False,
+    json: bool = False,
+) -> Outcome:
     """Watch a recording while it is written, and show when it is long enough.
 
     The command shows the Allan deviation of each axis with its standard error. With --model, it also shows the
@@ -224,6 +211,15 @@ def watch(
 
     The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is
     truncated or replaced, the command stops and prints the result up to that time.
+
+    Arguments:
+        file (FILE|-): Text file that is being written, or - for standard input.
+    Options:
+        model (--model, -m MODEL): Sum of processes, as for gmwm fit. It is fitted again at each update.
+        accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
+        every (LENGTH): Time between updates, such as 5s or 1min.
+    Result:
+        datasheet: Use deg/h and mg instead of rad/s and m/s².
     """
     from gmwm import Model
     from gmwm.files.readers.growing_files import Lines, growing_stream
