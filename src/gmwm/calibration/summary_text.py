@@ -331,8 +331,8 @@ def short_legend(calibration: Calibration) -> str:
     ends = [f"{duration_text(min(each))} ({SENSORS.get(name, name).lower()})" for name, each in times.items()]
     predictions = f", for predictions up to {join_names(ends)}".replace(" ()", "") if ends else ""
     return (
-        f"N, K: white noise and random walk for a filter{predictions}. B: bias instability. ±, +a/−b, a … b: "
-        f"{100 * calibration.settings.confidence:g} % interval. ✓ use, ≤ use as an upper limit, ✗ do not use."
+        f"N, K: white noise and random walk of the axis for a filter{predictions}. B: bias instability. ±, +a/−b, "
+        f"a … b: {100 * calibration.settings.confidence:g} % interval. ✓ use, ≤ use as an upper limit, ✗ do not use."
     )
 
 

@@ -67,6 +67,11 @@ def plan(
             advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
             "numbers of a datasheet with {--from}.",
         )  # fmt: skip
+    if model is not None and Path(model).exists():
+        raise OptionError(
+            f"MODEL is a model with values, and {model} is a file", argument="model", got=model,
+            advice="Pass the file with {--from_fits}.",
+        )  # fmt: skip
     seconds, share = parse_length(duration), parse_share(accuracy)
     origin: dict[str, Any] = {}
     unit, curve = "", None
