@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm.base.errors import FitWarning
@@ -21,11 +22,8 @@ def flicker(rng):
 
 def markov(rng):
     pulls = np.sqrt(0.05) * rng.normal(size=N)
-    x = np.empty(N)
-    x[0] = rng.normal() / np.sqrt(2)
-    for k in range(1, N):
-        x[k] = np.sqrt(1 - 0.1) * x[k - 1] + pulls[k]
-    return x
+    pulls[0] = rng.normal() / np.sqrt(2)
+    return lfilter([1.0], [1.0, -np.sqrt(1 - 0.1)], pulls)
 
 
 def walk(rng, size=WALK):

@@ -288,11 +288,10 @@ def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate."""
-    import_module("scipy.special")  # for the tests of each axis
-    import_module(before)
+    for module in ("scipy.special", "scipy.optimize", "gmwm.applications.monitor.baseline", before):
+        import_module(module)  # here, because all processes need it
     drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
-    drawn = drawing if plots and is_installed("matplotlib") else ()
-    return helpers_of(*drawn, "scipy.optimize", "gmwm.applications.monitor.baseline", count=count)
+    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
 def pictures(found: gmwm.Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:

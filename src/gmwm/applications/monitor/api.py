@@ -22,14 +22,13 @@ from gmwm.applications.monitor.baseline import (
 )
 from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
 from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, as_whole_number
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
 from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.recording.chunks import Chunk
-from gmwm.recording.options import as_whole_number
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -257,15 +257,12 @@ def total_variance(
     squares = mean_squares(lambda n: _core.reflected_second_differences(p, n), sizes, counts, progress)
     variance = squares / (2.0 * sizes * sizes)
     noise = noise_types(p, sizes, variance, reddest=-2)
-    freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
-    bias = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
+    alphas = exponents(noise)
+    freedom = total_degrees_of_freedom(alphas, sizes, p.size)
+    a = np.array([_PHASE_BIAS[alpha] if alpha > 0 else _FREQUENCY_NOISE[alpha][2] for alpha in alphas.tolist()])
+    bias = 1 - a * np.minimum(sizes / phase.intervals, 0.5)
     values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
     return cluster_variance(phase, noise, confidence, bias=bias, family="total", kind="overlapping", **values)
-
-
-def _bias(alphas: Integers) -> Vector:
-    """Return the constant a of the expected ratio 1 − a τ/T of the total variance to the Allan variance."""
-    return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 
 def total_degrees_of_freedom(alphas: Integers, clusters: Integers, points: int) -> Vector:
