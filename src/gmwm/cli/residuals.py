@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gmwm
 from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
@@ -17,7 +18,6 @@ from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.fitting.likelihood import Residuals
-    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     'gmwm residuals static.csv --model "GM + WN + RW"',
@@ -69,10 +69,10 @@ def residuals(
     )  # fmt: skip
 
 
-def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
+def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal]) -> dict[str, Residuals]:
     from gmwm.fitting.likelihood import residuals as residuals_of
 
-    def one(signal: Signal) -> Residuals:
+    def one(signal: gmwm.Signal) -> Residuals:
         axis_model = models[signal.axis]
         return residuals_of(axis_model.model, signal, estimated=None if axis_model.own else 0)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
     from gmwm.cli.model_source import AxisModel
     from gmwm.fitting.likelihood import Tracks
-    from gmwm.recording.signals import Signal
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
 """Numbers that summarize a process, in the unit of the data; a reach is half of the confidence band."""
@@ -208,12 +208,12 @@ def track(
 
 
 def _tracks(
-    models: Mapping[str, AxisModel], signals: Mapping[str, Signal], kind: Literal["smooth", "filter"],
+    models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal], kind: Literal["smooth", "filter"],
     ahead: float | None,
 ) -> dict[str, Tracks]:  # fmt: skip
     from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 
-    def one(signal: Signal) -> Tracks:
+    def one(signal: gmwm.Signal) -> Tracks:
         model = models[signal.axis].model
         if ahead is not None:
             steps = round(ahead * signal.rate)
