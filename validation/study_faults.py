@@ -204,8 +204,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         "A random walk hides small jumps and settlings. "
         + " ".join(
-            f"Of the {row['kind'].replace('_', ' ')}, {row['large']} are above the stated size, a reduction of −2 log L "
-            f"by {STATED:g} beside a walk, and {share(row['passed'])} of these are not named."
+            f"Of the {row['kind'].replace('_', ' ')}, {row['large']} are above the stated size, a reduction of −2 log "
+            f"L by {STATED:g} beside a walk, and {share(row['passed'])} of these are not named."
             for row in result["rows"]
             if row["kind"] in faults.COURSES
         ),
