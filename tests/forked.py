@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from gmwm.cli.main import NAMES
 
@@ -99,6 +100,30 @@ def gmwm(*arguments: str) -> None:
 
     sys.argv = ["gmwm", *arguments]
     run()
+
+
+def gmwm_in_a_code_page(*arguments: str) -> None:
+    """The same as on Windows, whose pipes are in a code page of its own."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(encoding="cp1252")  # type: ignore[union-attr]
+    gmwm(*arguments)
+
+
+def gmwm_struck(module: str, name: str, number: str, *arguments: str) -> None:
+    """The script of the command, which gets a signal when it calls a function for the first time."""
+    from gmwm.cli import start
+
+    main, owner = os.getpid(), import_module(module)
+    work = getattr(owner, name)
+
+    def strike(*given: Any, **options: Any) -> Any:
+        os.kill(main, int(number))  # of this process, also if a helper does the work
+        return work(*given, **options)
+
+    setattr(owner, name, strike)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for commands in the background
+    sys.argv = ["gmwm", *arguments]
+    start()
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:

@@ -498,7 +498,7 @@ TRUTHS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("text", TRUTHS)
 def test_intervals_cover(text):
-    truth, paths, n = TRUTHS[text], 200, 2**14
+    truth, paths, n = TRUTHS[text], 120, 2**14
     wanted = {number.symbol: number.value for process in truth.processes for number in process.physical(RATE)}
     numbers = filter_numbers(truth.processes, RATE)
     wanted |= {"N": numbers.N, "K": numbers.K}

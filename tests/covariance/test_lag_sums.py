@@ -157,7 +157,7 @@ def test_levels_are_the_first_ones_of_a_table():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LARGE)
 def test_a_million_samples_against_geometric_sums(name):
-    levels = np.array([1, 4, 9, 14, 19])
+    levels = np.array([1, 9, 19])
     expected = oracle.closed_sums(levels.tolist(), 10**6, oracle.Terms(**LARGE[name]))
     found = lag_sums(levels, 10**6, exponentials(**LARGE[name]), diagonal=False)[1]
     assert error(found, expected, levels.size) < 1e-10
@@ -191,7 +191,7 @@ def poles_of(phi, theta, sigma2):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", [1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("lost", [1e-9, 1e-3])
 def test_arma_near_the_unit_circle(lost):
     z = [(1 - lost) * np.exp(0.3j), 0.999 * np.exp(0.9j), 0.99 * np.exp(1.7j), 0.9 * np.exp(2.5j)]
     phi = -np.poly([*z, *np.conj(z), 0.5]).real[1:]

@@ -74,7 +74,7 @@ def test_a_fit_to_exact_theory_finds_the_truth(name):
 def test_a_fit_to_data_finds_the_truth_within_its_scatter(name, transform):
     truth = WN(sigma2=4e-6) + RW(gamma2=1e-9)
     estimates = []
-    for seed in range(24):
+    for seed in range(16):
         x = truth.simulate(6000, RATE, seed)
         found = gmwm.fit("WN + RW", wavelet_variance(x, RATE, filter=name, transform=transform))
         estimates.append(list(found.parameters.values()))

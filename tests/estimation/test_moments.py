@@ -55,7 +55,7 @@ def test_standard_errors_are_near_those_of_maximum_likelihood(model, before):
 @pytest.mark.slow
 def test_intervals_and_tests_hold_in_simulated_recordings():
     inside, pvalues = [], []
-    for seed in range(30):
+    for seed in range(20):
         fit = gmwm.fit("MA(1)", recording("MA(1)", 500, seed), moments="haar + lags:4")
         low, high = fit.confidence_intervals()["MA(1).theta1"]
         inside.append(low <= 0.6 <= high)

@@ -40,7 +40,7 @@ WALK_SHARE = 0.01
 """Correlation time over length from which a GM term is a walk with K = q_c (docs/validation/sensors.md)."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class WeightedEstimate:
     """Estimate from one model with positive interval (`upper_only`: only `high`) and relative `weight`."""
 
@@ -196,19 +196,13 @@ def _widen(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datashe
     for weight, other in others:
         same = entry if other is sheet else _counterpart(entry, sheet, other)
         if same is not None:
-            estimates.append(replace(_estimate(same), weight=weight))
+            ends = max(same.low or 0.0, 0.0), math.inf if same.high is None else same.high
+            estimates.append(WeightedEstimate(weight, abs(same.value), *ends, upper_only=same.upper_only))
         elif _base(entry.symbol) not in (*_TIMES, *OF_WHITE):
             estimates.append(replace(ABSENT, weight=weight))
     low, high = averaged_interval(estimates, level)
     low, high = min(low, entry.low), max(high, entry.high)
     return replace(entry, low=low, high=high, upper_only=entry.upper_only or low == 0.0)
-
-
-def _estimate(entry: Entry) -> WeightedEstimate:
-    low, high = entry.low or 0.0, math.inf if entry.high is None else entry.high
-    return WeightedEstimate(
-        weight=1.0, value=abs(entry.value), low=max(low, 0.0), high=high, upper_only=entry.upper_only
-    )
 
 
 def _base(symbol: str) -> str:
