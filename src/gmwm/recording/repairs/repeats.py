@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, runs_of
+from gmwm.base.arrays import Vector, row_medians, runs_of
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -151,7 +151,7 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
 def is_slow(levels: Vector) -> bool:
     """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
     sizes = np.abs(np.diff(levels))
-    return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
+    return bool(row_medians(sizes[None])[0] <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
 def _common_multiple(lengths: Indices) -> int:
