@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, gap_text
 from gmwm.calibration.averaging import WALK, markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
@@ -127,7 +127,7 @@ def certificate_of(fits: Collection[Fit]) -> Remark | None:
     if len(certified) < len(gaps):
         return None
     held = any(fit.model.fixed_names for fit in fits)
-    return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
+    return Remark.of("check-passed", case="optimum", gap=gap_text(max(certified)), of="shape" if held else "all")
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
