@@ -331,8 +331,8 @@ def test_json_has_the_numbers_of_a_filter(unit):
 
 
 def test_inflation_scales_the_bias_that_a_comment_offers(units):
-    said = re.compile(r"or N (\S+), sigma (\S+), T (\S+) s")
-    found = [said.findall(units["gauss-markov"].export(format="kalibr", inflation=by)) for by in (1.0, 10.0)]
+    said = re.compile(r"use N (\S+), sigma (\S+), T (\S+) s")
+    found = [said.findall(words(units["gauss-markov"].export(format="kalibr", inflation=by))) for by in (1.0, 10.0)]
     assert found[0]
     for plain, inflated in zip(*found, strict=True):
         assert [float(b) / float(a) for a, b in zip(plain, inflated, strict=True)] == pytest.approx(

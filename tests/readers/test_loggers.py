@@ -329,3 +329,10 @@ def test_json_that_is_no_table_is_an_error(tmp_path, text, code):
     (path := tmp_path / "log.json").write_bytes(text)
     with raises(ReadError, code=code) if code != "no-time" else pytest.raises(ReadError):
         gmwm.read(path)
+
+
+def test_a_result_of_gmwm_is_no_recording(tmp_path):
+    path = tmp_path / "calibration.json"
+    path.write_text('{\n "format": "gmwm-calibration",\n "version": 2\n}\n', encoding="utf-8")
+    with raises(ReadError, "a result of gmwm", advises=["recording"]):
+        gmwm.read(path)

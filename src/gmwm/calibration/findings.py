@@ -33,7 +33,7 @@ from gmwm.theory.processes.oscillator import name_in_text
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.outliers import Dependence, Replaced, Verdict
+    from gmwm.measuring.outliers import Dependence, Replaced
     from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
 
@@ -268,7 +268,9 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
         return
-    facts = _excess(verdict)
+    worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
+    tau = Quantity(float(verdict.tau[worst]), "s")
+    facts: dict[str, Fact] = {"excess": excess_text(float(verdict.excess[worst])), "tau": tau}
     if axis_calibration.fit.wavelet_variance.robust:
         yield Remark.of("outliers-left-out", axis, **facts)
         if verdict.dependence is not None:
@@ -310,12 +312,6 @@ def _of_replaced(axis: str, replaced: Replaced, axis_calibration: AxisCalibratio
             share=100 * replaced.in_knocks / wv.samples,
             first=Quantity(replaced.knocks[0][0], "s"),
         )  # fmt: skip
-
-
-def _excess(verdict: Verdict) -> dict[str, Fact]:
-    """Return the largest excess of the classical over the robust wavelet variance, and its scale, as facts."""
-    worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
-    return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
 def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from threading import Lock
 from typing import Any, Literal
 
 import numpy as np
@@ -263,16 +263,24 @@ class RecordingStatistics:
 
     def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
         """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
-        steps = list[Step]()
-        for axis, sums in self._axes.items():
-            if axis not in means or axis in axes_with_two_levels(self._remarks):
-                continue
-            values = partial(self._values, axis)
-            clear = jumps_of(axis, means[axis], self._extent, values)
+        turn = Lock()  # a stream is read by one thread at a time
+
+        def work(axis: str, of_axis: list[tuple[int, Vector]]) -> list[Step]:
+            def values(first: int, last: int) -> Vector:
+                with turn:
+                    return self._values(axis, first, last)
+
+            sums = self._axes[axis]
+            clear = jumps_of(axis, of_axis, self._extent, values)
             resolution = self._resolutions[axis] or 0.0
             sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
-            steps += clear
-            steps += [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+            return clear + [
+                step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)
+            ]
+
+        two_levels = axes_with_two_levels(self._remarks)
+        by_axis = in_threads(work, {axis: of_axis for axis, of_axis in means.items() if axis not in two_levels})
+        steps = [step for of_axis in by_axis.values() for step in of_axis]
         steps = with_shared_settling(steps, self._length / self._extent.rate)
         return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
 

@@ -39,11 +39,10 @@ def offsets(same: Mask) -> Indices:
 
 def in_long_runs(same: Mask, least: int) -> Mask:
     """Return the samples that continue a run of at least `least`, without its first one."""
-    inside = np.zeros(same.size, dtype=np.bool_)
     runs = runs_of(same)
-    for first, last in runs[runs[:, 1] - runs[:, 0] + 1 >= least]:
-        inside[first:last] = True
-    return inside
+    ends = np.zeros(same.size + 1, dtype=np.int8)
+    ends[runs[runs[:, 1] - runs[:, 0] + 1 >= least]] = 1, -1
+    return np.cumsum(ends[:-1], dtype=np.int8).view(np.bool_)
 
 
 def straight(values: Vector, begins: Indices) -> Mask:
