@@ -219,7 +219,7 @@ def cut(values, segments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("length", [1, 7, 50, 400])
+@pytest.mark.parametrize("length", [1, 50])
 def test_short_segments_do_not_inflate_wander_and_turn(length):
     values = still(10_000)
     whole = inspect(cut(values, ((0, 10_000),)))

@@ -54,7 +54,7 @@ def test_clipping_is_found_with_its_share(kind):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
-@pytest.mark.parametrize("step", [0.0, 1e-7, 0.01, 0.1, 0.3])
+@pytest.mark.parametrize("step", [0.0, 0.01, 0.3])
 def test_clipping_is_the_only_fault_of_a_clipped_output_at_any_resolution(share, step):
     rng = np.random.default_rng(4)
     x = rng.standard_normal(SAMPLES) + np.cumsum(0.002 * rng.standard_normal(SAMPLES))

@@ -89,10 +89,10 @@ def test_the_corrected_curve_has_no_bias():
     rng = np.random.default_rng(5)
     ratios = []
     truth = gmwm.Model.parse("WN(sigma2=1) + RW(gamma2=1.6e-5)").wavelet_variance(14, 100.0)
-    for _ in range(60):
+    for _ in range(40):
         wv = fitted(noise(rng), {"temperature": TEMPERATURE}).wavelet_variance
         ratios.append(wv.variance[10:12] / truth[10:12])
-    mean, error = np.mean(ratios, axis=0), np.std(ratios, axis=0) / np.sqrt(60)
+    mean, error = np.mean(ratios, axis=0), np.std(ratios, axis=0) / np.sqrt(40)
     assert np.all(np.abs(mean - 1) < 3 * error)
 
 
