@@ -78,6 +78,7 @@ def test_noise_without_knocks_is_not_changed(kind):
         assert not found.knocks.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3, 6])
 @pytest.mark.parametrize("samples", [5_000, 20_000])
 def test_short_pulses_are_replaced(samples, count):

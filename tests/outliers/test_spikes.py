@@ -37,6 +37,7 @@ def test_the_heaviest_tails_are_no_spikes(kind):
         assert len(find_spikes(Signal(x, RATE))) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "size"), [(0.0001, 25.0), (0.01, 10.0), (0.05, 10.0), (0.05, 40.0)])
 def test_the_wrong_samples_are_found_and_no_others(share, size):
     x, wrong = spoilt(clean(), share, size)

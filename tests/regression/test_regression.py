@@ -217,6 +217,7 @@ def series_with_gaps(rng, walk=0.1):
     return gmwm.Signal.from_missing(np.where(present, values, np.nan), 1.0), columns, present
 
 
+@pytest.mark.slow
 def test_a_series_with_gaps_has_one_offset_and_the_precision_of_maximum_likelihood():
     signal, columns, present = series_with_gaps(np.random.default_rng(7))
     against = {name: column[present] for name, column in columns.items()}
