@@ -79,8 +79,8 @@ class Hypothesis:
         return self._criterion - other.objective - optimism(other, self.wavelet, self.weights)
 
     def least_excess(self, rival: Fit) -> float:
-        """Return a lower limit of `excess` without a fit of the rival, which lowers its loss; its optimism hardly changes
-        (below 1 in 908 fits to 40 curves)."""
+        """Return a lower limit of `excess` without a fit of the rival, which lowers its loss; its optimism hardly
+        changes (below 1 in 908 fits to 40 curves)."""
         residual = self.root @ (rival.wavelet_variance.variance - rival.implied)
         return self._criterion - float(residual @ residual) - optimism(rival, self.wavelet, self.weights) - 1.0
 
