@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any, TypeGuard
 
@@ -110,6 +111,22 @@ def _require_samples(values: object, name: str) -> None:
                 f"{name} must be one signal; got {with_article(type(values).__name__)} of {', '.join(held)}",
                 argument=name, got=values, advice="Pass `{one}`.", one=name + access.format(next(iter(held))),
             )  # fmt: skip
+
+
+def as_whole_number(value: int, name: str, least: int, most: float = math.inf, *, expected: str = "") -> int:
+    """Check a whole number from `least` to `most`; the error may state them in the words `expected`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        usual = f"a whole number of at least {least}" if most == math.inf else f"a whole number from {least} to {most}"
+        raise OptionError(argument=name, expected=expected or usual, got=value)
+    return int(value)
+
+
+def as_number(value: float, name: str, within: Callable[[float], bool], expected: str) -> float:
+    """Check a finite number for which `within` holds; the error says what was `expected`."""
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (is_number and abs(value) <= sys.float_info.max and within(value)):
+        raise OptionError(argument=name, expected=expected, got=value)
+    return float(value)
 
 
 def as_rate(rate: float | None) -> float:

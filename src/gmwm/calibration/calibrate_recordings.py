@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
@@ -43,7 +44,6 @@ from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Streamed
-from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import RW
@@ -260,6 +260,7 @@ def calibrate_recording(
         raise error.at(f"no axis can be calibrated; {axis}") from error
     verdicts = {axis: item.verdicts for axis, item in items.items()}
     descriptions = {name: Recording.of(of_parts[0]) for name, of_parts in inspections.items() if of_parts}
+    curves = {axis for of_axes in recordings.curves.values() for axis in of_axes}  # only samples can be inspected
     calibration = Calibration(
         axes=axes,
         failed=dict(recordings.missing) | {axis: error.reason for axis, error in failed.items()},
@@ -267,19 +268,16 @@ def calibrate_recording(
         source=recordings.source,
         recording_remarks=tuple(
             dict.fromkeys(
-                (*_recording_remarks(inspections, axes, verdicts, findings), *_not_inspected(recordings, axes))
+                (
+                    *_recording_remarks(inspections, axes, verdicts, findings),
+                    *(Remark.of("not-inspected", axis) for axis in axes if axis in curves),
+                )
             )
         ),
         recording=descriptions.get(""),
         recordings={name: item for name, item in descriptions.items() if name},
     )
     return with_verdict_limits(calibration)
-
-
-def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:
-    """Return remarks on the axes that the user gave as curves, because only samples can be inspected."""
-    given = {axis for curves in recordings.curves.values() for axis in curves}
-    return [Remark.of("not-inspected", axis) for axis in axes if axis in given]
 
 
 def _recording_remarks(
@@ -292,8 +290,14 @@ def _recording_remarks(
         remarks = by_recording[name] = []
         recording_verdicts = [of[name] for of in verdicts.values() if name in of]
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        for inspection, of_part in zip(of_parts, findings[name], strict=True):
-            remarks += recording_remarks(inspection, axes, recording_verdicts)
+        parts = [tuple(recording_remarks(inspection, axes, recording_verdicts)) for inspection in of_parts]
+        for inspection, part, of_part in zip(of_parts, parts, findings[name], strict=True):
+            for remark in part:
+                # Another part, for example with a warm-up, has another share of lost samples.
+                other = not remark.subject and any(
+                    remark.code in {r.code for r in others} and remark not in others for others in parts
+                )
+                remarks += [remark.about(axis) for axis in inspection.axes] if other else [remark]
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
                     remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))

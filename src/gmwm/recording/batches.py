@@ -265,12 +265,11 @@ def join_batches(parts: Sequence[Batch]) -> Batch:
     """Join consecutive batches to one batch."""
     if len(parts) == 1:
         return parts[0]
-    return Batch({axis: _one(parts, axis) for axis in parts[0].signals}, parts[0].first, parts[0].continues)
-
-
-def _one(parts: Sequence[Batch], axis: str) -> Signal:
-    """Return an axis of consecutive batches."""
-    return end_to_end([part.signals[axis] for part in parts], [part.continues_on(axis) for part in parts])
+    signals = {
+        axis: end_to_end([part.signals[axis] for part in parts], [part.continues_on(axis) for part in parts])
+        for axis in parts[0].signals
+    }
+    return Batch(signals, parts[0].first, parts[0].continues)
 
 
 def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:

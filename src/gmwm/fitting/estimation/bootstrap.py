@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.base.errors import FitWarning, OptionError
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_whole_number
+from gmwm.base.errors import FitWarning
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.fitting.estimation.solver import model_of, solve_near
@@ -116,9 +116,7 @@ def bootstrap(
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
     """Check that a number of simulated recordings is a whole number of at least `least`, which `what` requires."""
-    if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
-        raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
-    return int(draws)
+    return as_whole_number(draws, name, least, expected=f"a whole number of at least {least}, for {what}")
 
 
 def least_draws(level: float) -> int:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -456,10 +456,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NONE) -> int:
     """Return the samples of a duration (s); OptionError unless it has more levels than `free` parameters."""
-    is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
-    if not (is_number and math.isfinite(duration) and duration > 0):
-        raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
-    samples, least = round(float(duration) * rate), losses.shortest(1 << (free + 1))
+    duration = as_number(duration, "duration", lambda time: time > 0, "a positive number (s)")
+    samples, least = round(duration * rate), losses.shortest(1 << (free + 1))
     if samples < least:
         raise OptionError(
             argument="duration",
@@ -478,17 +476,8 @@ def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NO
 
 def as_accuracy(accuracy: float) -> float:
     """Check that a desired relative standard error is above 0 and at most 0.5, and return it."""
-    if (
-        isinstance(accuracy, bool)
-        or not isinstance(accuracy, int | float | np.number)
-        or not 0 < accuracy <= CERTAIN_ERROR
-    ):
-        raise OptionError(
-            argument="accuracy",
-            expected=f"a relative standard error above 0 and at most {CERTAIN_ERROR:g} (0.1 for 10 %)",
-            got=accuracy,
-        )
-    return float(accuracy)
+    expected = f"a relative standard error above 0 and at most {CERTAIN_ERROR:g} (0.1 for 10 %)"
+    return as_number(accuracy, "accuracy", lambda share: 0 < share <= CERTAIN_ERROR, expected)
 
 
 def error_text(error: float) -> str:

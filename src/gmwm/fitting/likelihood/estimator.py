@@ -40,7 +40,6 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.validation import require_values
 
 
@@ -106,7 +105,7 @@ def loglikelihood(
     terms = as_model(model)
     advice = "Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}."
     require_values(terms, "the likelihood", advice)
-    problem = LikelihoodProblem(_all_held(terms), as_record(data, rate), as_mean(mean))
+    problem = LikelihoodProblem(terms.held, as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
         raise nothing_to_chance(terms)
@@ -210,10 +209,6 @@ def fit_ml(
     return result
 
 
-def _all_held(model: Model) -> Model:
-    return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
-
-
 def _starting_model(
     wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None, regressed: Regressed | None = None
 ) -> Model:
@@ -259,7 +254,7 @@ def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     order = best.sorted(problem.rate)
     ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
-    labels = [_rename(name, renamed) for name in names]
+    labels = [f"{renamed[term]}.{parameter}" for term, _, parameter in (name.rpartition(".") for name in names)]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
@@ -295,11 +290,6 @@ def _remarks(
             remarks = process.remarks(term, problem.record.observed, problem.rate)
             yield from (remark.about(axis) for remark in remarks)
     yield from approximation_remarks(model, problem.rate, axis)
-
-
-def _rename(name: str, terms: dict[str, str]) -> str:
-    term, _, parameter = name.rpartition(".")
-    return f"{terms[term]}.{parameter}"
 
 
 def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
@@ -347,7 +337,9 @@ def _covariance(
                 rows.append(row[active])
     covariance = np.zeros((len(names), len(names)))
     if rows:
-        evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
+        # The last evaluation may have derivatives with respect to other coordinates.
+        same = len(found.evaluation.gradient) == len(active) and not found.at_end
+        evaluation = found.evaluation if same else problem.evaluate(found.z, active)
         assert evaluation is not None
         inverse = invert(evaluation.information)
         by = np.array(rows)
@@ -366,11 +358,6 @@ def _covariance(
                 [[covariance, np.zeros((len(covariance), 1))], [np.zeros((1, len(covariance))), level.covariance[k, k]]]
             )
     return names, covariance
-
-
-def _same(found: Maximum, active: list[int]) -> bool:
-    """Return whether the last evaluation has derivatives with respect to exactly these coordinates."""
-    return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
 def invert(information: Matrix) -> Matrix:

@@ -100,15 +100,11 @@ class _ProfileLikelihood:
         least, most = _domain(parameter)
         return (least if low is None else low, most if high is None else high)
 
-    def _is(self, k: int, name: str) -> bool:
-        c = self.problem.coordinates[k]
-        process = self.fit.model.processes[c.term]
-        return f"{self.fit.model.terms[c.term]}.{process.scale_parameter().name}" == name
-
     def _row(self, name: str) -> Vector | None:
         # The derivative with respect to a scale is zero if the scale is zero, so its coordinate is found by name.
         for k, c in enumerate(self.problem.coordinates):
-            if c.shape is None and self._is(k, name):
+            scale = self.fit.model.processes[c.term].scale_parameter().name
+            if c.shape is None and f"{self.fit.model.terms[c.term]}.{scale}" == name:
                 row = np.zeros(len(self.problem.coordinates))
                 row[k] = 1.0
                 return row

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
+from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, as_vector, freeze
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.text import counted
 from gmwm.fitting.likelihood.system import (
@@ -380,10 +380,5 @@ def nothing_to_chance(model: Model) -> ModelError:
 
 def as_mean(mean: float | None) -> float | None:
     """Check the known mean of a recording, and return it as a float, or None if it is unknown."""
-    if mean is None:
-        return None
-    if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
-        raise OptionError(
-            argument="mean", expected="a finite number in the unit of the data, or None if it is unknown", got=mean
-        )
-    return float(mean)
+    expected = "a finite number in the unit of the data, or None if it is unknown"
+    return None if mean is None else as_number(mean, "mean", lambda _: True, expected)

@@ -279,8 +279,8 @@ class RecordingStatistics:
             ]
 
         two_levels = axes_with_two_levels(self._remarks)
-        found = in_threads(work, {axis: of_axis for axis, of_axis in means.items() if axis not in two_levels})
-        steps = [step for of_axis in found.values() for step in of_axis]
+        by_axis = in_threads(work, {axis: of_axis for axis, of_axis in means.items() if axis not in two_levels})
+        steps = [step for of_axis in by_axis.values() for step in of_axis]
         steps = with_shared_settling(steps, self._length / self._extent.rate)
         return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
 

@@ -257,18 +257,14 @@ def avlr(
             fit = _line(
                 term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
             )
-        if isinstance(fit, SlopeLine) and not (ranges and term in ranges) and _exceeds_limits(fit, allan):
-            fit = "chance"
+        # A line far above the upper confidence limit of the curve at some averaging time is due to chance.
+        if isinstance(fit, SlopeLine) and not (ranges and term in ranges):
+            fit = "chance" if np.any(fit.deviation(allan.tau) > 1.5 * allan.upper_deviation) else fit
         if isinstance(fit, SlopeLine):
             lines.append(fit)
         else:
             remarks.append(Remark.of("no-number", term, case="slope", reason=fit, slope=LAWS[term].slope))
     return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
-
-
-def _exceeds_limits(line: SlopeLine, allan: ClusterVariance) -> bool:
-    """Return whether the line exceeds 1.5 times the upper confidence limit of the curve at some averaging time."""
-    return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
 def _octaves(tau: Vector, usable: Booleans) -> list[int]:

@@ -66,7 +66,8 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
     with np.errstate(over="ignore", invalid="ignore"):
         if data == "phase":
             unit = _rate_unit(unit)
-            phase = _without_line((values - values[0]) * rate)
+            phase = (values - values[0]) * rate
+            phase = phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1))  # a line through both ends
         elif octaves:
             phase, sums = _core.octave_second_differences(values, values.size.bit_length() - 1)
         else:
@@ -91,11 +92,6 @@ def _rate_unit(unit: str) -> str:
         return ""
     rate_unit = find_unit(f"{unit}/s")
     return rate_unit.name if rate_unit else f"{unit}/s"
-
-
-def _without_line(phase: Vector) -> Vector:
-    """Subtract from the phase the straight line through its first and last values; the first value is 0."""
-    return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
 
 
 def _without_slope(values: Vector) -> Vector:

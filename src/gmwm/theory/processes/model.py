@@ -20,7 +20,7 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Value
+from gmwm.theory.processes.parameter import Fixed, Value
 from gmwm.theory.processes.validation import as_paths, as_rng, require_distinct_terms, shape_of_paths
 from gmwm.theory.statespace import StateSpace
 
@@ -301,6 +301,11 @@ class Model(KalmanMethods):
                 for t, process in self._by_label()
             )
         )
+
+    @property
+    def held(self) -> Model:
+        """A copy whose values are fixed."""
+        return self.with_values({label: Fixed(value) for label, value in self.parameters.items() if value is not None})
 
     def sorted(self, rate: float) -> Model:
         """Return a copy with repeated terms in ascending order of correlation time; other terms stay in place."""

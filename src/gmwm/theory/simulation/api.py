@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import Vector, as_rate, as_whole_number
 from gmwm.base.errors import DataError, GmwmError, ModelError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.results import Plotted
@@ -364,9 +364,9 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
                 argument="duration", got=duration, advice="Pass a longer {--duration}.",
             )  # fmt: skip
         return n
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < MINIMUM_SAMPLES:
-        raise OptionError(argument="samples", expected=f"an integer, at least {MINIMUM_SAMPLES}", got=samples)
-    return int(samples)
+    assert samples is not None
+    expected = f"an integer, at least {MINIMUM_SAMPLES}"
+    return as_whole_number(samples, "samples", MINIMUM_SAMPLES, expected=expected)
 
 
 def _require_values(axis: str, model: Model) -> None:
