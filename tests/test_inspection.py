@@ -30,6 +30,26 @@ def look(values, **options):
     return inspect(Imu.from_arrays(values, RATE, **options))
 
 
+def test_columns_with_the_same_samples_are_refused():
+    values = still(5000)
+    assert look(values).remarks == ()
+    values[:, 2] = values[:, 1]
+    found = gmwm.calibrate(Imu.from_arrays(values, RATE), within="WN")
+    copies = [remark for remark in found.recording_remarks if remark.facts.get("case") == "copy"]
+    assert {remark.subject: remark.facts["reference"] for remark in copies} == {"gyro_y": "gyro_z", "gyro_z": "gyro_y"}
+    refused = [axis for axis, numbers in found.number_verdicts.items() if numbers["N"].reason in copies]
+    assert refused == ["gyro_y", "gyro_z"]
+    values[:, :2] = 0.0  # constant columns are not copies
+    assert "noise-shared" not in codes(look(values).remarks)
+
+
+def test_gaps_that_only_some_axes_have_name_them():
+    values = still(20_000)
+    values[5000:7000, :2] = values[4999, :2]
+    gaps = [remark for remark in look(values).remarks if remark.code == "gaps"]
+    assert [remark.subject for remark in gaps] == ["gyro_x", "gyro_y"]
+
+
 @pytest.mark.slow
 def test_a_sensor_at_rest_gets_no_remark():
     for seed in range(5):

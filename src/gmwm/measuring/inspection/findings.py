@@ -64,6 +64,13 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
             yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
 
 
+def of_copies(axes: Mapping[str, AxisInspection]) -> Iterator[Remark]:
+    """Yield remarks on axes that have the same samples, and so the same statistics, as another axis."""
+    for axis, item in axes.items():
+        if twin := next((other for other in axes if other != axis and axes[other] == item and item.noise > 0), None):
+            yield Remark.of("noise-shared", axis, case="copy", reference=twin, numbers=("all numbers",))
+
+
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
     """Yield remarks on axes whose output is clipped."""
     for item in saturations:
