@@ -14,7 +14,7 @@ from gmwm.base.time_base import TimeBase
 from gmwm.measuring.inspection import inspect
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Imu, Signal
-from tests.helpers import codes, only, raises
+from tests.helpers import code_of, codes, only, raises
 
 RATE = 100.0
 
@@ -41,6 +41,15 @@ def test_columns_with_the_same_samples_are_refused():
     assert refused == ["gyro_y", "gyro_z"]
     values[:, :2] = 0.0  # constant columns are not copies
     assert "noise-shared" not in codes(look(values).remarks)
+
+
+@pytest.mark.parametrize(("mean", "case"), [(0.04, "unit-contradicted:removed"), (0.06, "unit-doubtful:gravity")])
+def test_accelerometers_without_gravity_can_be_used_but_not_those_with_a_wrong_unit(mean, case):
+    values = still(5000)
+    values[:, 5] += mean - 9.81
+    (remark,) = look(values).remarks
+    assert code_of(remark) == case
+    assert (remark.severity is Severity.WRONG) == (mean > 0.05)
 
 
 def test_gaps_that_only_some_axes_have_name_them():

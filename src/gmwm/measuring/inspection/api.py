@@ -101,7 +101,7 @@ def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
         return inspections
     gravity, _ = _specific_force(axes)
     positions = any(remark.facts.get("case") == "positions" for part in inspections for remark in part.remarks)
-    remarks = findings.of_gravity(None if positions else gravity, _turning(axes, gravity))
+    remarks = findings.of_gravity(None if positions else gravity, axes, _turning(axes, gravity))
     first, *others = inspections
     return [replace(first, gravity=gravity, remarks=(*first.remarks, *remarks)), *others]
 
@@ -253,7 +253,7 @@ class RecordingStatistics:
             *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(None if parts else gravity, _turning(axes, gravity)),
+            *findings.of_gravity(None if parts else gravity, axes, _turning(axes, gravity)),
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
