@@ -243,7 +243,7 @@ def _by_chance(axes: Sequence[Vector], starts: Indices, roughness: tuple[float, 
     """Return the probability that the sample after each of `starts` is equal on all axes by chance: how often the value
     returns after another one nearby, and for rare values its frequency."""
     chance = np.ones(starts.size)
-    for values, rough in zip(axes, roughness, strict=True):
+    for values, rough in zip(axes, roughness, strict=False):  # a plan can be for some of the axes
         _, value = np.unique(values, return_inverse=True)
         ends = np.flatnonzero(values[1:] != values[:-1])
         returns = ends[:-1][values[np.minimum(ends[:-1] + 2, values.size - 1)] == values[ends[:-1]]]
