@@ -105,6 +105,7 @@ def test_a_slow_warm_up_limits_k():
     assert found.number_verdicts["gyro_x"]["K"].usability is not Usability.USE
 
 
+@pytest.mark.slow
 def test_an_offset_of_an_accelerometer_is_a_bias():
     rng = np.random.default_rng(2)
     means = np.array([0.08, -0.06, 0.9]) * STANDARD_GRAVITY
@@ -152,6 +153,7 @@ def test_parts_with_an_offset_of_20_sd_do_not_end_in_advice_that_does_not_fit():
     assert {"recording-moved", "no-test"} <= {remark.code for remark in found.remarks}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["decay", "sine"])
 def test_signals_without_noise_are_calibrated_and_not_to_be_used(shape):
     t = np.arange(100_000) / 100.0

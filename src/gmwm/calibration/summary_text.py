@@ -18,7 +18,7 @@ from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
-from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
+from gmwm.calibration.tables import SENSORS, bullet, fitting_tables, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -164,7 +164,7 @@ def summary(
 def _details(calibration: Calibration) -> list[list[str]]:
     """Return the tables with all numbers of each axis, the reasons for the models, and the results of additions."""
     parts = [
-        [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
+        [SENSORS.get(sensor, sensor or "Axes"), *_tables(axes)] for sensor, axes in by_sensor(calibration.axes).items()
     ]
     parts.append(wrap_text(legend(calibration)))
     parts += [
@@ -209,24 +209,9 @@ def _range(ascending: Sequence[str]) -> str:
     return first if first == last else f"{first} to {last}"
 
 
-def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
+def _tables(axes: Mapping[str, AxisCalibration]) -> list[str]:
     """Return tables with a row for each number and a column for each axis, up to three if they fit."""
-    lines: list[str] = []
-    for count in (3, 2, 1):
-        lines = _blocks(axes, count)
-        if max(map(len, lines)) <= TEXT_WIDTH:
-            break
-    return lines
-
-
-def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
-    """Return the lines of tables with `count` axes each, one below the other."""
-    names = list(axes)
-    lines: list[str] = []
-    for start in range(0, len(names), count):
-        chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *table_with_rule(rows_of(chosen))]
-    return lines
+    return fitting_tables(list(axes), lambda names, _: rows_of({name: axes[name] for name in names}), 3)
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:

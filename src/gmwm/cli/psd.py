@@ -6,18 +6,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import gmwm
 from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
 from gmwm.cli.measuring import open_recording, tell_inspection
 from gmwm.cli.options import Chunked, picture_units
-from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, progress, table_text
 from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.spectrum import PowerSpectra
-    from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm psd static.csv",
@@ -68,12 +68,11 @@ def psd(
 
 
 def _measure(
-    recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
+    recording: gmwm.Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
-    from gmwm.measuring.spectrum import PowerSpectra, psd
+    from gmwm.measuring.spectrum import PowerSpectra
 
     if isinstance(recording, Stream):
         chosen = chosen_names(recording.axes, axis)
@@ -82,7 +81,7 @@ def _measure(
                 length=length, detrend=detrend, done=lambda samples: advance(f"{samples} samples", samples)
             )
         return PowerSpectra(spectra={name: axis_spectra[name] for name in chosen})
-    measure = partial(psd, length=length, detrend=detrend)
+    measure = partial(gmwm.psd, length=length, detrend=detrend)
     spectra = over_axes(measure, chosen_axes(recording, axis), "spectrum")
     tell_inspection(recording)
     return PowerSpectra(spectra=spectra)

@@ -279,11 +279,7 @@ class JointFit(Summarised, Plotted):
         models = {}
         for k, axis in enumerate(self.axes):
             scales = [float(self.covariances[term][k, k]) for term in self.terms]
-            parts = [
-                process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
-                for process, scale in zip(processes, scales, strict=True)
-            ]
-            models[axis] = sum_model(parts)
+            models[axis] = sum_model(p.with_scale(scale) for p, scale in zip(processes, scales, strict=True))
         return Named(models, "axis")
 
     def state_space(self, rate: float | None = None) -> JointStateSpace:

@@ -96,7 +96,7 @@ class TailSums:
         known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= LIMITS.agreement
         resolved = known.size if np.all(known) else int(np.argmin(known))
         shapes = _shapes(wv)
-        best, found = 1.0, None
+        best, common = 1.0, None
         for block, blocks, covariance in self._covariances():
             reach = int(np.log2(min(block, length) // LIMITS.least_block_in_scales))
             reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= LIMITS.least_blocks))), len(wv))
@@ -108,14 +108,14 @@ class TailSums:
             chance = self._chance if block == self._block else LIMITS.chance  # longer blocks are few
             edge = 1 + chance * np.sqrt(2 / n) + LIMITS.change_by_ends
             if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
-                best, found = ratio, factor
+                best, common = ratio, factor
         index, unseen = self._tail()
-        if found is None and index < 4:  # a few samples hide the spectrum
-            found = np.sqrt(wv.samples * self._powers[1]) / self._powers[0] * shapes[0]
-        if found is None:
+        if common is None and index < 4:  # a few samples hide the spectrum
+            common = np.sqrt(wv.samples * self._powers[1]) / self._powers[0] * shapes[0]
+        if common is None:
             return None
-        more = max(unseen**2 * wv.samples / np.max(found) ** 2, 1.0)
-        return np.asarray(more * np.outer(found, found) / wv.samples)
+        more = max(unseen**2 * wv.samples / np.max(common) ** 2, 1.0)
+        return np.asarray(more * np.outer(common, common) / wv.samples)
 
     def _tail(self) -> tuple[float, float]:
         """Return the upper limit of the tails' index by Hill's estimate, infinite if no power law describes them, and
@@ -258,11 +258,11 @@ def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, Wavele
         return dict(curves)
     longest = max(known, key=lambda wv: wv.samples)
     assert longest.excess is not None
-    found = {}
+    completed = {}
     for name, wv in curves.items():
         if wv.excess is None and not wv.robust:
             reach, own = min(len(wv), len(longest)), np.zeros((len(wv), len(wv)))
             own[:reach, :reach] = longest.excess[:reach, :reach] * (longest.samples / wv.samples)
             wv = replace(wv, excess=own)
-        found[name] = wv
-    return found
+        completed[name] = wv
+    return completed

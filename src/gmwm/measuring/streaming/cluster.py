@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -62,7 +61,7 @@ def measure_in_parts(
             client, stream, {axis: axis_curves.change for axis, axis_curves in curves.items()}, parts=parts, done=done,
             prepare=prepare,
         )  # fmt: skip
-        first = crew.measure({axis: partial(_beginning, axis_curves.first) for axis, axis_curves in curves.items()})
+        first = crew.measure({axis: axis_curves.first.part for axis, axis_curves in curves.items()})
         for axis, axis_curves in curves.items():
             axis_curves.first = first[axis]
         # A part that is the whole recording may need no second pass.
@@ -104,13 +103,6 @@ class _Begin(Generic[G]):
     axes: Mapping[str, Callable[[int], G]]
     changes: Mapping[str, Change | None]
     prepare: Callable[[Batch], Batch] | None
-
-
-def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
-    """Return an empty accumulator with the options of another one, for a part that begins with sample `start`."""
-    return WaveletAccumulator(
-        one.rate, levels=one.levels, exact=one.exact, start=start, unit=one.unit, axis=one.axis, robust=one.robust
-    )
 
 
 def _unpack(packed: bytes) -> Any:

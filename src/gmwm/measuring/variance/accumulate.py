@@ -267,13 +267,16 @@ class WaveletAccumulator(SegmentedAccumulator):
     def __repr__(self) -> str:
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
+    def part(self, start: int, held: int | None = None) -> WaveletAccumulator:
+        """Create an empty accumulator with the same options, but `held`, for the part from sample `start` on."""
+        return WaveletAccumulator(
+            self.rate, levels=self.levels, exact=self.exact, start=start, unit=self.unit, axis=self.axis,
+            robust=self.robust, held=held,
+        )  # fmt: skip
+
     def _copy(self) -> WaveletAccumulator:
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
-        self._fold()
-        copy = WaveletAccumulator(
-            self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
-            robust=self.robust, held=self.held,
-        )  # fmt: skip
+        copy = self.part(self.start, self.held)
         copy._take_state(self)
         copy._thinned = self._thinned
         return copy
