@@ -127,6 +127,7 @@ def test_motion_in_a_short_recording_is_left_out_and_motion_everywhere_has_no_re
     assert {r.facts["case"] for r in found if r.code == "recording-moved"} == {"throughout"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "expected"), [(0.08, False), (0.13, True)])
 def test_an_axis_that_often_changes_can_stick(share, expected):
     changes = np.random.default_rng(1).uniform(size=SAMPLES) < share

@@ -41,6 +41,7 @@ def covered(fit: gmwm.estimation.ConditionsFit, truth: dict[str, float]) -> list
     return [low <= truth[name] <= high for name, (low, high) in intervals.items()]
 
 
+@pytest.mark.slow
 def test_white_noise_on_ramps_of_a_turntable() -> None:
     signal = white(np.random.default_rng(1), 200 * RAMPS)
     fit = gmwm.fit("WN + RW", signal, varies={"WN": "1 + rate**2"}, against={"rate": 200 * RAMPS})
@@ -89,7 +90,7 @@ def test_a_correlation_time_that_follows_the_temperature() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [8, 9, 10])
+@pytest.mark.parametrize("seed", [8, 9])
 def test_a_term_that_does_not_exist_has_no_dependence(seed: int) -> None:
     signal = gmwm.Signal(np.random.default_rng(seed).normal(size=N), 1.0)
     fit = gmwm.fit("GM + WN", signal, varies={"GM.beta": "c"}, against={"c": RAMPS})

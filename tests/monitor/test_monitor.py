@@ -141,7 +141,11 @@ def test_lost_samples_and_a_clock_that_is_set_back_are_reported() -> None:
     made.update({"gyro_x": x[:1000]})
     (lost,) = made.gap(50)
     assert (lost.kind, lost.size, lost.time) == ("lost", 50.0, 10.0)
+    assert (lost.description, Event(kind="lost", time=0.0, began=0.0, size=1.0).description) == (
+        "50 samples lost", "1 sample lost",
+    )  # fmt: skip
     assert made.gap(50) == []
+    assert gmwm.Monitor.from_dict(json.loads(json.dumps(made.to_dict()))).lost == 100  # of both gaps
     assert made.update({"gyro_x": x[1000:2000]}) == []
     made = monitor()
     made.update(Chunk({"gyro_x": x[:1000]}, first=0, segment=0, start=100.0))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
@@ -47,6 +48,15 @@ REMARK: Schema = {
     },
     "required": ["code", "severity", "subject", "facts", "text"],
 }  # fmt: skip
+
+
+def is_result(head: bytes) -> bool:
+    """Return whether a file that begins with `head` is a JSON document that gmwm wrote.
+
+    >>> is_result(b'{"format": "gmwm-calibration", "version": 2'), is_result(b'{"gyro_x": 1}')
+    (True, False)
+    """
+    return re.search(rb'"gmwm":\s*"|"format":\s*"gmwm-', head[:200]) is not None
 
 
 class Schemas:

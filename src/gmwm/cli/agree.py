@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import gmwm
 from gmwm import Calibration
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
@@ -48,11 +49,9 @@ def agree(
         size: Significance level: probability that any number is marked if all agree.
         horizon (LENGTH): Time horizon of N and K if one calibration is compared with a file, as for gmwm export.
     """
-    from gmwm import Calibration, agree
-
     references = parse_references(reference or ())
     with progress("reading"):
-        calibrations = [Calibration.load(file) for file in files]
+        calibrations = [gmwm.Calibration.load(file) for file in files]
     if len(calibrations) == 1 and not references:
         raise OptionError(
             "one calibration needs a reference to agree with", argument="reference", got=None,
@@ -70,7 +69,7 @@ def agree(
     recordings = {Path(agreement.source).stem for agreement in calibrations} - {""}
     # Calibrations are named after their recordings, or after their files if these names are not unique.
     names = label or (None if len(recordings) == len(files) else names_of(files))
-    agreement = agree(calibrations, size=size, labels=names, reference=references)
+    agreement = gmwm.agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
         command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary(),
         files=plot_file(plot, lambda path: agreement.plot(path=path)),

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import gmwm
 from gmwm.base.atomic_files import write_bytes
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.extras import is_installed
@@ -42,9 +43,7 @@ from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
     from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Imu
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 
@@ -225,9 +224,9 @@ def calibration_options(*, within: str, robust: str, efficiency: float | None, *
 
 
 def _unite(
-    groups: Sequence[Sequence[Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
+    groups: Sequence[Sequence[gmwm.Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
     scheduler: str | None, workers: int | None, helpers: Helpers,
-) -> Calibration:  # fmt: skip
+) -> gmwm.Calibration:  # fmt: skip
     """Calibrate a unit, of one group of recordings, or one for each sensor whose results are combined."""
     calibrations = []
     for group in groups:
@@ -245,7 +244,7 @@ def _unite(
 
 
 def _outcome(
-    found: Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
+    found: gmwm.Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
     details: bool, helpers: Helpers, topic: str | None,
 ) -> Outcome:  # fmt: skip
     """Return the outcome of the command, with the files to write; `topic` heads the summary of one of several."""
@@ -265,9 +264,9 @@ def _outcome(
 
 
 def run_calibration(
-    recording: Imu | Stream | Mapping[str, Imu | Stream], options: CalibrationOptions, helpers: Helpers, *,
+    recording: gmwm.Imu | Stream | Mapping[str, gmwm.Imu | Stream], options: CalibrationOptions, helpers: Helpers, *,
     scheduler: str | None = None, workers: int | None = None,
-) -> Calibration:  # fmt: skip
+) -> gmwm.Calibration:  # fmt: skip
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
     from gmwm.calibration.calibrate_recordings import STAGES, calibrate_recording
 
@@ -289,14 +288,13 @@ def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate."""
-    import_module("scipy.special")  # for the tests of each axis
-    import_module(before)
+    for module in ("scipy.special", "scipy.optimize", "gmwm.applications.monitor.baseline", before):
+        import_module(module)  # here, because all processes need it
     drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
-    drawn = drawing if plots and is_installed("matplotlib") else ()
-    return helpers_of(*drawn, "scipy.optimize", "gmwm.applications.monitor.baseline", count=count)
+    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
-def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
+def pictures(found: gmwm.Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file. Without Matplotlib, there are none."""
     if not is_installed("matplotlib"):
         return {}
@@ -309,8 +307,9 @@ def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str,
 
 
 def calibration_files(
-    found: Calibration, folder: Path, *, document: Mapping[str, Any], text: str, plots: Callable[[], dict[str, bytes]]
-) -> tuple[NewFile, ...]:
+    found: gmwm.Calibration, folder: Path, *, document: Mapping[str, Any], text: str,
+    plots: Callable[[], dict[str, bytes]],
+) -> tuple[NewFile, ...]:  # fmt: skip
     """Return the files to write for a calibration: calibration.json, report, summary and two plots."""
     return (
         text_file(folder / "calibration.json", as_text(document)),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import wraps
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from inspect import Parameter, Signature, get_annotations, getdoc, signature
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
@@ -110,6 +111,7 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
 
     @wraps(function)
     def run(**values: Any) -> None:
+        _spare_numpy()
         json = values["json"] if own_json else values.pop("json")
         every = values.pop("all_remarks")
         if values.get("plot") is not None:
@@ -124,6 +126,17 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+def _spare_numpy() -> None:
+    """Load parts of NumPy only if they are used: SciPy asks for all names of NumPy, a third of its time of import."""
+    for name in ("f2py", "testing", "ctypeslib"):
+        path = f"numpy.{name}"
+        if "numpy" in sys.modules and path not in sys.modules and (spec := find_spec(path)) and spec.loader:
+            spec.loader = LazyLoader(spec.loader)
+            sys.modules[path] = module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+            setattr(sys.modules["numpy"], name, module)
 
 
 def _shell_name(parameter: Parameter) -> str:

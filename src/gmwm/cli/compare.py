@@ -7,16 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import View, picture_units, unit_system
-from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
+from gmwm.cli.output import Outcome, calibration_file, over_axes, plot_file, table_text, tell
 from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Signal
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -66,7 +65,7 @@ def compare(
         )  # fmt: skip
     kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
     system = unit_system(datasheet)
-    curves: dict[str, dict[str, WaveletVariance]] = {}
+    curves: dict[str, dict[str, gmwm.WaveletVariance]] = {}
     for file, name in zip(files, _names(files), strict=True):
         signals = chosen_axes(load(file, reading), axis)
         for kind in kinds:
@@ -93,20 +92,20 @@ def _names(files: Sequence[Path]) -> list[str]:
     raise OptionError(f"a recording is given twice: {', '.join(map(str, files))}", argument="files", got=files)
 
 
-def _measure(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
-    from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
-
+def _measure(
+    signals: Mapping[str, gmwm.Signal], kind: str, efficiency: float | None
+) -> dict[str, gmwm.WaveletVariance]:
     robust = kind == "robust"
     measure = partial(
-        wavelet_variance, robust=robust, efficiency=efficiency if robust and efficiency is not None else 0.6
+        gmwm.wavelet_variance, robust=robust, efficiency=efficiency if robust and efficiency is not None else 0.6
     )
     return over_axes(measure, signals, f"{kind} wavelet variance")
 
 
-def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
+def _draw(
+    curves: Mapping[str, Mapping[str, gmwm.WaveletVariance]], view: ViewName, system: UnitSystem, path: Path
+) -> None:
     """Plot the curves to a file, with one panel for each axis."""
-    from gmwm import compare as draw_one
     from gmwm.showing.plots.imu import plot_imu
     from gmwm.showing.plots.labels import axis_title
 
@@ -114,10 +113,10 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
         plot_imu(curves, view=view, units=system, path=path)
         return
     ((name, group),) = curves.items()
-    draw_one(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
+    gmwm.compare(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
 
 
-def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
+def _curves_text(curves: Mapping[str, Mapping[str, gmwm.WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each axis, with a column for each curve."""
     from gmwm.showing.plots.labels import view_of
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import gmwm
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
 from gmwm.cli.measuring import open_recording, tell_inspection
@@ -40,12 +41,10 @@ def cross(
     Result:
         csv: Write the correlations of all pairs and scales to this CSV file.
     """
-    from gmwm.applications.several import cross
-
     recording = open_recording(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):
-        result = cross(
+        result = gmwm.cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)

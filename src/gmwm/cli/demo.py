@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import gmwm
 from gmwm.base.remarks import Dialect
 from gmwm.base.text import TEXT_WIDTH
 from gmwm.calibration import Calibration
@@ -16,6 +17,7 @@ from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
+from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
@@ -46,8 +48,6 @@ def demo(
         output (--output, -o): Directory for the files of the demo.
         seed (≥ 0): Seed of the simulation. Another seed gives another recording of the same unit.
     """
-    from gmwm.files.readers import read
-    from gmwm.measuring.inspection import inspect
     from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
@@ -58,9 +58,9 @@ def demo(
     say = _silent if json else print
     say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nRead it from {file}:\n")
     with progress(f"reading {file}"):
-        imu = read(file)
+        imu = gmwm.read(file)
     with progress("inspecting"):
-        inspection = inspect(imu)
+        inspection = gmwm.inspect(imu)
     lines = inspection_text(inspection, Dialect.SHELL).splitlines()
     say("\n".join(part for line in lines for part in ([line] if len(line) <= TEXT_WIDTH else wrap_text(line))) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
@@ -87,10 +87,8 @@ def demo(
 
 def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """Simulate a recording, and write it to a file."""
-    from gmwm.theory.simulation import simulate
-
     with progress("simulating"):
-        imu = simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
+        imu = gmwm.simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu
@@ -115,8 +113,6 @@ def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str
 
 
 def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Model], found: Calibration) -> str:
-    from gmwm.choosing.selection.structure import structure_of
-
     table, rules = [], []
     for k, row in enumerate(rows):
         first = k == 0 or rows[k - 1]["axis"] != row["axis"]

@@ -9,17 +9,21 @@ from typing import Annotated, Literal, TypedDict
 
 import typer
 
+import gmwm
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length
+from gmwm.base.units import sensor_of
 from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
 from gmwm.cli.model_source import read_given
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
-from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters import export as exported
+from gmwm.showing.exporters import export_all, export_formats
+from gmwm.showing.exporters.base import require_extension
 
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",
@@ -96,9 +100,10 @@ def export(
     return _one(calibration, files, output=output, name=written, choice=choice)
 
 
-def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
+def _source(
+    calibrations: list[Path] | None, source: str | None, rate: float | None
+) -> tuple[list[Path], gmwm.Calibration]:
     """Return the input files and the calibration to export, from the given calibrations or from --from."""
-    from gmwm import Calibration
     from gmwm.showing.exporters.given import given_calibration
 
     if (source is None) == (not calibrations):
@@ -109,13 +114,12 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
     if source is not None:
         return [Path(source)], given_calibration(read_given(source, rate))
     files = [calibration_file(path) for path in calibrations or ()]
-    first, *others = [Calibration.load(file) for file in files]
+    first, *others = [gmwm.Calibration.load(file) for file in files]
     return files, first.combined(*others)
 
 
 def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
     """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json."""
-    from gmwm import Fit
     from gmwm.cli.plan import fits_in
     from gmwm.showing.exporters.given import fitted_calibration
 
@@ -130,7 +134,7 @@ def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | Non
             "`gmwm calibrate`.",
         )  # fmt: skip
     recording, fits = fits_in(files[0])
-    return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
+    return fitted_calibration({axis: gmwm.Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
 
 def _is_fits(path: Path) -> bool:
@@ -158,9 +162,6 @@ def _one(
     found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _ExportArguments
 ) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
-    from gmwm.showing.exporters import export as exported
-    from gmwm.showing.exporters.base import require_extension
-
     if output is not None:
         require_extension(name, output, "output")
     text = exported(found, None, name, **choice)
@@ -173,8 +174,6 @@ def _one(
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
-    from gmwm.showing.exporters import export_all
-
     written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
@@ -195,9 +194,6 @@ class KalibrFile:
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
-    from gmwm.base.units import sensor_of
-    from gmwm.showing.exporters import export as exported
-
     target, remarks = folder / "imu.yaml", []
     if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:
         try:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+import gmwm
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fit_conditions, require_unused
 from gmwm.cli.measuring import measure_together, memory_for, needs_memory, open_together
@@ -22,6 +24,7 @@ from gmwm.cli.output import (
     json_text,
     make_directory,
     optional_plots,
+    over_axes,
     progress,
     table_text,
     tell,
@@ -34,10 +37,8 @@ from gmwm.recording.options import ReadOptions
 from gmwm.theory.processes import ordered_classes, registry
 
 if TYPE_CHECKING:
-    from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.estimation.starts import Sampled
     from gmwm.fitting.estimation.summary import IntervalMethod
-    from gmwm.recording.signals import Signal
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -127,10 +128,9 @@ def fit(
         plot: Plot the fits to this .png, .pdf or .svg file.
         output: Write fits.json and a plot of each fit to this directory.
     """
-    from gmwm import Imu, Model
     from gmwm.fitting.estimation import Sampled
 
-    parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
+    parsed, strength = gmwm.Model.parse(model), chosen_efficiency(robust, efficiency)
     require_unused(
         conditions is not None, varies=bool(varies), against=against is not None, likelihood=likelihood,
         start_draws=start_draws is not None, bootstrap_draws=bootstrap_draws is not None, filter=filter != "haar",
@@ -158,7 +158,7 @@ def fit(
     )  # fmt: skip
     _tell_curves(fits)
     carried = {}
-    if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
+    if likelihood and isinstance(recording := next(iter(recordings.values())), gmwm.Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
         carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
@@ -169,14 +169,14 @@ def fit(
     )  # fmt: skip
 
 
-def _tell_curves(fits: Mapping[str, Fit]) -> None:
+def _tell_curves(fits: Mapping[str, gmwm.Fit]) -> None:
     """Add the remarks on the wavelet variances to the warnings of the command."""
     for name, axis_fit in fits.items():
         for remark in axis_fit.wavelet_variance.remarks:
             tell(remark.about(name))
 
 
-def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
+def _remarks(fits: Mapping[str, gmwm.Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
     """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
     for name, axis_fit in fits.items():
         yield from (remark.about(name) for remark in axis_fit.diagnostics.remarks)
@@ -185,7 +185,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -
 
 
 def _axes_document(
-    fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
+    fits: Mapping[str, gmwm.Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
 ) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
     from gmwm.fitting.estimation.summary import inference
@@ -203,8 +203,8 @@ def _axes_document(
 
 
 def _files(
-    fits: Mapping[str, Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
-    picture: Callable[[Mapping[str, Fit], Path], NewFile],
+    fits: Mapping[str, gmwm.Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
+    picture: Callable[[Mapping[str, gmwm.Fit], Path], NewFile],
 ) -> Iterator[NewFile]:  # fmt: skip
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
@@ -231,13 +231,12 @@ def fit_axes(
     weighting: Literal["diagonal", "optimal", "identity"] | None = None, robust: bool = False, efficiency: float = 0.6,
     certify: bool = True, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
     start: Sampled | None = None,
-) -> dict[str, Fit]:  # fmt: skip
+) -> dict[str, gmwm.Fit]:  # fmt: skip
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
-    from gmwm.cli.output import over_axes
     from gmwm.measuring.covariance.tails import with_tails
 
-    def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:
+    def measured_and_fitted(signal: gmwm.Signal | gmwm.WaveletVariance) -> gmwm.Fit:
         wv = signal
         if not isinstance(signal, gmwm.WaveletVariance):
             wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
@@ -247,11 +246,11 @@ def fit_axes(
     return over_axes(measured_and_fitted, signals, "fitting")
 
 
-def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, Fit], Path], NewFile]:
+def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, gmwm.Fit], Path], NewFile]:
     return partial(_picture, view=view, units=units)
 
 
-def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:
+def _picture(fits: Mapping[str, gmwm.Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.showing.plots.imu import plot_imu
 
@@ -264,7 +263,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSys
     return NewFile(path, draw, f"plotting {path.name}")
 
 
-def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
+def replicates_text(fits: Mapping[str, gmwm.Fit]) -> Iterator[str]:
     """Yield the comparison of several recordings as text, for each axis."""
     for name, axis_fit in fits.items():
         if axis_fit.replicates is not None:
@@ -272,9 +271,8 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
             yield f"{name}\n{summary}" if len(fits) > 1 else summary
 
 
-def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
+def fits_text(fits: Mapping[str, gmwm.Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.base.units import by_sensor
     from gmwm.calibration.tables import wrap_text
     from gmwm.fitting.estimation.summary import intervals_if_known
 
@@ -300,7 +298,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     return "\n\n".join([*parts, *(["\n".join(lines)] if lines else [])])
 
 
-def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
+def _sensor_text(group: Mapping[str, gmwm.Fit], how: IntervalMethod) -> str:
     from gmwm.fitting.estimation.summary import short_values, test_in_words
 
     first = next(iter(group.values()))

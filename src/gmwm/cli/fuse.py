@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
@@ -59,13 +60,11 @@ def fuse(
         output: Write the fused recording to this .csv or .parquet file.
         csv: Write the predicted wavelet deviations to this CSV file.
     """
-    from gmwm.applications.several import fuse
-
     scales = None if horizon is None else _scales(horizon)
     units = _load(files, reading, axis)
     tell_inspection(next(iter(units.values())))
     with progress("measuring"):
-        virtual = fuse(units, horizon=scales, model=model, nonnegative=nonnegative)
+        virtual = gmwm.fuse(units, horizon=scales, model=model, nonnegative=nonnegative)
     new = [] if csv is None else [text_file(csv, virtual.to_polars().write_csv())]
     if apply and output is None:
         raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])
@@ -95,7 +94,6 @@ def _scales(text: str) -> float | tuple[float, float]:
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
     """Read the recordings of all units, with the chosen axes."""
     from gmwm.files.readers.api import read_units
-    from gmwm.recording.signals import Imu
 
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)

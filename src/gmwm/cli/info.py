@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
@@ -51,13 +52,11 @@ def info(
             each term of the noise model.
         plot: Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file.
     """
-    from gmwm.measuring.inspection import inspect
-
     terms = joined_against(against, AUTO)
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(terms)
     recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
-        inspection = inspect(recording, against=terms, repeated=repeated)
+        inspection = gmwm.inspect(recording, against=terms, repeated=repeated)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
     document = {"file": str(file), **inspection.to_dict()}
     if noise_against is not None:

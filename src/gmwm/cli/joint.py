@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
@@ -12,9 +12,6 @@ from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    pass
 
 EXAMPLES = (
     'gmwm joint static.csv --axis gyro --model "shared(RW) + WN"',
@@ -49,8 +46,6 @@ def joint(
         certify_within (TIME): Largest time for the proof, such as 60s or 10min. If it is too short, the lower bound is
             less tight.
     """
-    from gmwm.applications.several import fit_joint
-
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)
     if len(signals) < 2:
@@ -60,7 +55,7 @@ def joint(
         )  # fmt: skip
     with progress("fitting"):
         time = parse_length(certify_within) if certify else False
-        joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
+        joint_fit = gmwm.fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
     return Outcome(
         command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(),

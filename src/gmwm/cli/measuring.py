@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.cli.options import Chunked, Transform
@@ -21,13 +22,11 @@ if TYPE_CHECKING:
     from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe, Lines
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.regression.conditions import Conditions
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Imu, Signal
 
 
 def open_recording(
     path: Path, reading: ReadOptions, chunked: Chunked, *, spread: bool = False, whole: str = ""
-) -> Imu | Stream:
+) -> gmwm.Imu | Stream:
     """Open the recording in a file, in memory or in chunks."""
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
     if whole and (spread or chunked == "yes"):
@@ -41,7 +40,6 @@ def open_recording(
             "--scheduler and --workers read the recording in chunks", argument="chunked", got=chunked,
             advice="Leave {--chunked=no} out.",
         )  # fmt: skip
-    from gmwm.cli.output import progress
     from gmwm.files.readers.api import stream_file
     from gmwm.files.readers.streams import is_large
 
@@ -62,10 +60,9 @@ def needs_memory(filter: str, transform: str) -> str:
 def stream_curves(
     stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
     workers: int | None = None, against: str = NONE,
-) -> dict[str, WaveletVariance]:  # fmt: skip
+) -> dict[str, gmwm.WaveletVariance]:  # fmt: skip
     """Compute a stream's wavelet variances; the remarks of its inspection become warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
-    from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("reading") as advance:
@@ -90,12 +87,10 @@ def memory_for(against: str, other: str = "") -> str:
 
 
 def signals_or_curves(
-    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
-) -> Mapping[str, Signal | WaveletVariance]:
+    recording: gmwm.Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
+) -> Mapping[str, gmwm.Signal | gmwm.WaveletVariance]:
     """Return signals of axes, or variances if in chunks or --against; remarks of inspections become warnings."""
-    from gmwm.recording.signals import Imu
-
-    if isinstance(recording, Imu):
+    if isinstance(recording, gmwm.Imu):
         conditions = tell_inspection(recording, against)
         signals = chosen_axes(recording, wanted)
         if against == NONE:
@@ -107,7 +102,7 @@ def signals_or_curves(
 
 def open_together(
     files: Sequence[Path], reading: ReadOptions, chunked: Chunked, *, whole: str = ""
-) -> dict[str, Imu | Stream]:
+) -> dict[str, gmwm.Imu | Stream]:
     """Open one or several recordings of one unit, and return them by name."""
     return {
         name: open_recording(file, reading, chunked, whole=whole)
@@ -115,7 +110,7 @@ def open_together(
     }
 
 
-def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
+def axes_together(recordings: Mapping[str, gmwm.Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
     """Return those axes of --axis that all recordings have."""
     from gmwm.calibration.data import common_axes
 
@@ -125,14 +120,12 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
 
 
 def measure_together(
-    recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
+    recordings: Mapping[str, gmwm.Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
     against: str = NONE, filter: str = "haar", transform: Transform = "modwt",
-) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
+) -> Mapping[str, gmwm.Signal | gmwm.WaveletVariance]:  # fmt: skip
     """Return each axis's data to fit: signals or variances of one recording, or pooled ones of several."""
     from gmwm.measuring.covariance.tails import with_tails
-    from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
-    from gmwm.measuring.variance.result import WaveletVariance
 
     axes = axes_together(recordings, wanted)
     data_of = {
@@ -142,16 +135,16 @@ def measure_together(
     if len(data_of) == 1:
         return next(iter(data_of.values()))
 
-    def curve(data: Signal | WaveletVariance) -> WaveletVariance:
-        if isinstance(data, WaveletVariance):
+    def curve(data: gmwm.Signal | gmwm.WaveletVariance) -> gmwm.WaveletVariance:
+        if isinstance(data, gmwm.WaveletVariance):
             return data
-        wv = wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        wv = gmwm.wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
         return with_tails(wv, data)
 
     return {axis: pool({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 
 
-def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
+def tell_inspection(imu: gmwm.Imu | Stream, against: str = NONE) -> Conditions:
     """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings."""
     from gmwm.measuring.inspection.api import inspect_with
     from gmwm.measuring.regression.conditions import Conditions

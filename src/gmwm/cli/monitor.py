@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
@@ -17,7 +18,7 @@ from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
 from gmwm.cli.model_source import read_given
-from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, plot_file, tell
 from gmwm.cli.read_options import chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
@@ -128,7 +129,7 @@ def _trace(
     axes: list[str] | None, pictures: bool, source: str,
 ) -> Trace:  # fmt: skip
     """Return the monitor for a stream, with a trace for plots. The remarks of the monitor become warnings."""
-    from gmwm.applications.monitor import Monitor, Trace, baselines
+    from gmwm.applications.monitor import Trace, baselines
     from gmwm.applications.monitor.baseline import check_rate
     from gmwm.files.readers.api import stream_file
 
@@ -144,7 +145,7 @@ def _trace(
     reference_baselines: Mapping[str, Baseline] | None = None
     if reference is not None:
         reference_baselines = baselines(models, stream_file(reference, reading), names)
-    watcher = Monitor(
+    watcher = gmwm.Monitor(
         models, every, rate=rate, baseline="auto" if reference_baselines is None else reference_baselines, axes=names
     )
     for remark in watcher.remarks:
@@ -220,15 +221,13 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
 
 def _fit_models(path: Path) -> Mapping[str, Any]:
     """Return the calibration in a file or folder, or the fits by axis if it holds a fits.json."""
-    from gmwm import Calibration, Fit
-    from gmwm.cli.output import calibration_file
     from gmwm.cli.plan import fits_in
 
     file = calibration_file(path)
     if file.is_file() and '"gmwm-calibration"' in file.read_text(encoding="utf-8", errors="replace")[:200]:
-        return Calibration.load(file)
+        return gmwm.Calibration.load(file)
     _, fits = fits_in(path)
-    return {axis: Fit.from_dict(content) for axis, content in fits.items()}
+    return {axis: gmwm.Fit.from_dict(content) for axis, content in fits.items()}
 
 
 def _watch(stream: Stream, trace: Trace) -> Iterator[Event]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
+import gmwm
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.units import AXES, SI_UNIT
 from gmwm.measuring.regression.against import Asked
@@ -18,7 +19,7 @@ from gmwm.recording.options import as_confidence
 
 if TYPE_CHECKING:
     from gmwm.showing.plots.labels import UnitSystem
-    from gmwm.theory.processes.model import Model, ModelLike
+    from gmwm.theory.processes.model import ModelLike
 
 T = TypeVar("T")
 
@@ -188,7 +189,7 @@ def option_texts(docstring: str) -> tuple[str, dict[str, OptionText]]:
     A text has a heading, the name of the parameter and, in parentheses, the names of the option unless it has the name
     of the parameter, the placeholder of its value, and its limits. The heading Arguments has arguments without a name.
 
-    >>> option_texts('''Count.\n\nResult:\n    seed (--seed, -s N ≥ 0): Seed of the\n        draws.''')
+    >>> option_texts("Count.\\n\\nResult:\\n    seed (--seed, -s N ≥ 0): Seed of the\\n        draws.")
     ('Count.', {'seed': OptionText(heading='Result', marks='--seed, -s N ≥ 0', help='Seed of the draws.')})
     """
     text, *sections = re.split(r"(?m)^([A-Z][a-z ]+):\n(?=    )", docstring)
@@ -216,19 +217,17 @@ def picture_units(datasheet: bool | None) -> UnitSystem:
     return "auto" if datasheet is None else unit_system(datasheet)
 
 
-def parse_within(text: str) -> Model:
+def parse_within(text: str) -> gmwm.Model:
     """Parse the value of --within to a model.
 
     >>> parse_within("GM + WN")
     Model('GM + WN')
     """
-    from gmwm import Model
-
     with prefix_errors("within"):
-        return Model.parse(text)
+        return gmwm.Model.parse(text)
 
 
-def parse_searched(text: str) -> Model | str:
+def parse_searched(text: str) -> gmwm.Model | str:
     """Parse the value of --within in commands that also accept "auto".
 
     >>> parse_searched("auto"), parse_searched("GM + WN")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, calibration_file, progress
@@ -37,11 +38,9 @@ def report(
         output (--output, -o): Write to this file. Default: report.html, or one_page.html, in the folder of the
             calibration.
     """
-    from gmwm import Calibration
-
     file = calibration_file(file)
     with progress("writing the report"):
-        calibration = Calibration.load(file)
+        calibration = gmwm.Calibration.load(file)
         name = f"{'one_page' if one_page else 'report'}.{'pdf' if pdf else 'html'}"
         if pdf and output is not None and output.suffix.lower() != ".pdf":
             raise OptionError(argument="output", expected="a file name that ends in .pdf with {--pdf}", got=str(output))

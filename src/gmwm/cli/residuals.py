@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gmwm
 from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, axes_of, axis_models, model_source
 from gmwm.cli.options import chosen_efficiency
-from gmwm.cli.output import Outcome, file_names, plot_file, table_text
+from gmwm.cli.output import Outcome, file_names, over_axes, plot_file, table_text
 from gmwm.cli.read_options import chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.fitting.likelihood import Residuals
-    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     'gmwm residuals static.csv --model "GM + WN + RW"',
@@ -69,11 +69,10 @@ def residuals(
     )  # fmt: skip
 
 
-def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
-    from gmwm.cli.output import over_axes
+def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal]) -> dict[str, Residuals]:
     from gmwm.fitting.likelihood import residuals as residuals_of
 
-    def one(signal: Signal) -> Residuals:
+    def one(signal: gmwm.Signal) -> Residuals:
         axis_model = models[signal.axis]
         return residuals_of(axis_model.model, signal, estimated=None if axis_model.own else 0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
@@ -43,13 +44,10 @@ def same(
         tolerance: Largest |ln| of the ratio of two deviations that counts as equal: 0.1 allows 10 %.
         size: Significance level: probability of any false difference in all tests.
     """
-    from gmwm import Imu
-    from gmwm.applications.several import same
-
     if len(files) < 2:
         raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))
-    recordings = [Imu(chosen_axes(load(file, reading), axis)) for file in files]
-    noise = same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
+    recordings = [gmwm.Imu(chosen_axes(load(file, reading), axis)) for file in files]
+    noise = gmwm.same(*recordings, labels=names_of(files), model=model, tolerance=tolerance, size=size)
     return Outcome(
         command="same", document={"files": list(map(str, files)), **noise.to_dict()}, text=noise.summary(Dialect.SHELL),
         files=plot_file(plot, lambda path: noise.plot(path=path)),

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import gmwm
 from gmwm.base.errors import OptionError
+from gmwm.base.text import duration_text
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.model_source import read_given
@@ -15,8 +17,6 @@ from gmwm.cli.output import Outcome, progress
 
 if TYPE_CHECKING:
     from gmwm.files.importers import Given
-    from gmwm.recording.signals import Imu
-    from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
@@ -103,17 +103,15 @@ def _check_paths(output: Path, components: Path | None) -> None:
 
 
 def _write(
-    truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
-) -> tuple[Imu, tuple[str, ...]]:
+    truth: Mapping[str, gmwm.Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
+) -> tuple[gmwm.Imu, tuple[str, ...]]:
     """Simulate a recording, and write it and its processes; return it and the processes' column names."""
-    from gmwm.base.text import duration_text
-    from gmwm.theory.simulation import simulate as simulated
 
     files = None
     with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            files = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
-        imu = files.imu if files is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
+            files = gmwm.simulate(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = files.imu if files is not None else gmwm.simulate(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
         imu.write(output)
         return imu, () if components is None or files is None else tuple(files.write_components(components))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
@@ -18,7 +19,7 @@ from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
 from gmwm.cli.model_source import AxisModel, axes_of, axis_models, model_source
 from gmwm.cli.options import chosen_efficiency, unit_system
-from gmwm.cli.output import NewFile, Outcome, file_names, plot_file
+from gmwm.cli.output import NewFile, Outcome, file_names, over_axes, plot_file, table_text
 from gmwm.cli.read_options import chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
     from gmwm.cli.model_source import AxisModel
     from gmwm.fitting.likelihood import Tracks
-    from gmwm.recording.signals import Signal
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
 """Numbers that summarize a process, in the unit of the data; a reach is half of the confidence band."""
@@ -62,7 +62,6 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
     """Format the summary of each process of an axis as a table."""
-    from gmwm.cli.output import table_text
     from gmwm.showing.plots.labels import view_of
 
     shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
@@ -209,13 +208,12 @@ def track(
 
 
 def _tracks(
-    models: Mapping[str, AxisModel], signals: Mapping[str, Signal], kind: Literal["smooth", "filter"],
+    models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal], kind: Literal["smooth", "filter"],
     ahead: float | None,
 ) -> dict[str, Tracks]:  # fmt: skip
-    from gmwm.cli.output import over_axes
     from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 
-    def one(signal: Signal) -> Tracks:
+    def one(signal: gmwm.Signal) -> Tracks:
         model = models[signal.axis].model
         if ahead is not None:
             steps = round(ahead * signal.rate)

@@ -7,17 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import gmwm
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
 from gmwm.cli.measuring import needs_memory, open_recording, stream_curves, tell_inspection
 from gmwm.cli.options import Chunked, Transform, View, chosen_efficiency, picture_units, unit_system
-from gmwm.cli.output import Outcome, csv_file, plot_file, table_text
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, table_text
 from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Imu
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -95,12 +95,10 @@ def wv(
 
 
 def _measure(
-    recording: Imu | Stream, axis: list[str] | None, *, filter: str, transform: Literal["modwt", "dwt"], robust: bool,
-    efficiency: float, scheduler: str | None, workers: int | None,
-) -> dict[str, WaveletVariance]:  # fmt: skip
+    recording: gmwm.Imu | Stream, axis: list[str] | None, *, filter: str, transform: Literal["modwt", "dwt"],
+    robust: bool, efficiency: float, scheduler: str | None, workers: int | None,
+) -> dict[str, gmwm.WaveletVariance]:  # fmt: skip
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
-    from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
 
     chosen = chosen_names(recording.axes, axis)
@@ -108,14 +106,14 @@ def _measure(
         return stream_curves(
             recording, chosen, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers
         )
-    measure = partial(wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+    measure = partial(gmwm.wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
     results = over_axes(measure, chosen_axes(recording, axis), "wavelet variance")
     tell_inspection(recording)
     return results
 
 
 def _draw(
-    results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
+    results: Mapping[str, gmwm.WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
 ) -> None:
     from gmwm.showing.plots.imu import plot_imu
 
@@ -125,9 +123,8 @@ def _draw(
         plot_imu(results, split=not overlay, view=view, units=system, path=path)
 
 
-def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
+def _curves_text(results: Mapping[str, gmwm.WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
-    from gmwm.base.units import by_sensor
     from gmwm.showing.plots.labels import view_of
 
     sensors = by_sensor(results)

@@ -52,7 +52,7 @@ class FitCurve:
         processes = dict(zip(model.terms, model.processes, strict=True))
         names, _ = columns_of(model, {})
         unseen = [
-            p.with_values(**{p.scale_parameter().name: p.value_from(1.0)})
+            p.with_scale(1.0)
             for p in model.processes
             if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and p.shape_is_fixed
         ]

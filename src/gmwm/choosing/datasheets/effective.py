@@ -65,7 +65,8 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     for process in fit.model.processes:
         if process.scale != 0 and process.oscillation() is not None:
             lines += process.wavelet_variance(wv.levels, wv.rate, wv.filter)
-    usable = (wv.variance > lines) & (fit.implied > lines) & (wv.lower > 0)
+    # Where oscillations prevail, a small error of their shape is a large one of the noise below them.
+    usable = (wv.variance > 2 * lines) & (fit.implied > 2 * lines) & (wv.lower > 0)
     measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])
     limit = np.where(implied > measured, np.log(wv.upper[usable]), np.log(wv.lower[usable]))
     error = np.abs(limit - measured) / NormalDist().inv_cdf((1 + wv.confidence) / 2)

@@ -253,8 +253,7 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
 
 
 def _band(process: Process, rate: float) -> dict[str, float]:
-    scale = process.scale_parameter().name
-    numbers = process.with_values(**{scale: process.value_from(1.0)}).physical(rate)
+    numbers = process.with_scale(1.0).physical(rate)
     return {number.symbol: number.value for number in numbers if number.symbol in BAND}
 
 

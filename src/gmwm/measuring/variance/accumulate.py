@@ -269,7 +269,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
     def part(self, start: int, held: int | None = None) -> WaveletAccumulator:
-        """Create an empty accumulator with the same options for the part that begins with sample `start`."""
+        """Create an empty accumulator with the same options, but `held`, for the part from sample `start` on."""
         return WaveletAccumulator(
             self.rate, levels=self.levels, exact=self.exact, start=start, unit=self.unit, axis=self.axis,
             robust=self.robust, held=held,

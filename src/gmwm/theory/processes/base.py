@@ -203,6 +203,10 @@ class Process(HaarTheory, ABC):
         assert power is not None
         return math.pow(scale, 1.0 / power)
 
+    def with_scale(self, scale: float) -> Self:
+        """Return the same process with the scale coefficient `scale`."""
+        return self.with_values(**{self.scale_parameter().name: self.value_from(scale)})
+
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
