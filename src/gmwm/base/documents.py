@@ -202,14 +202,19 @@ def _written(result: Any) -> dict[str, Any]:
     return content
 
 
-def _read(kind: type[T], values: Mapping[str, Any]) -> T:
-    """Read the fields of a dataclass from its document."""
-    types, content = field_types(kind), {}
+def fields_of(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Read the fields of a dataclass that are in its document."""
+    types, content = field_types(kind), dict[str, Any]()
     for entry in entries_of(kind):
         if entry.is_field and not (entry.optional and entry.key not in values):
             value = values if entry.inlined else values[entry.key]
             content[entry.name] = _value(types[entry.name], value, entry)
-    result = kind(**content)
+    return content
+
+
+def _read(kind: type[T], values: Mapping[str, Any]) -> T:
+    """Read a dataclass from its document."""
+    result = kind(**fields_of(kind, values))
     if isinstance(result, Documented):
         result.require_consistent()
     return result
@@ -235,8 +240,8 @@ def _value(kind: Any, value: Any, entry: DocKey) -> Any:
         return {inner[0](key): _value(inner[1], item, entry) for key, item in value.items()}
     if kind is int and isinstance(value, float) and not value.is_integer():
         raise OptionError(argument=entry.key, expected="a whole number", got=value)
-    if kind in (int, float) and not isinstance(value, str | bool):
-        return kind(_filled(value, entry.default))
+    if kind in (int, float) and not isinstance(number := _filled(value, entry.default), str | bool | NoneType):
+        return kind(number)
     if kind in _READERS:
         return _READERS[kind](value)
     reader = getattr(kind, "from_dict", None)
