@@ -173,7 +173,7 @@ def _faulty(kind: str, recordings: list[Row]) -> Row:
     named = [bool({*names} & {*row["remarks"]}) for row in recordings] if kind in NAMED else []
     large = [_is_large(kind, row["seed"]) for row in recordings]
     return {
-        "kind": kind, "remark": NAMED.get(kind), "named": mean(named), "large": sum(large),
+        "kind": kind, "remark": NAMED.get(kind), "named": mean(named), "large": int(sum(large)),
         "passed": mean([not one for one, of_size in zip(named, large, strict=False) if of_size]),
         "use": uses.count("use") / len(recordings), "bound": uses.count("use as a bound") / len(recordings),
         "n": float(np.median(ratios)) if ratios else None, "exact": mean(exact),
@@ -204,8 +204,8 @@ def table(result: dict[str, Any]) -> str:
         "",
         "A random walk hides small jumps and settlings. "
         + " ".join(
-            f"Of the {row['kind'].replace('_', ' ')}, {row['large']} are above the stated size, a reduction of −2 log "
-            f"L by {STATED:g} beside a walk, and {share(row['passed'])} of these are not named."
+            f"Of the {row['kind'].replace('_', ' ')}, {row['large']} are above the stated size, which reduces −2 log L "
+            f"by {STATED:g} beside a walk; {share(row['passed'])} of these are not named."
             for row in result["rows"]
             if row["kind"] in faults.COURSES
         ),

@@ -9,6 +9,7 @@ import gmwm
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.reports.verdict import recording_facts
 from tests.helpers import code_of, only
 
 RATE, SAMPLES = 20.0, 40_000
@@ -75,6 +76,27 @@ def test_a_large_warm_up_is_left_out(tmp_path):
     streamed = gmwm.calibrate(gmwm.stream(path, chunk=997), within="WN + RW")
     assert streamed["gyro_x"].objective == gmwm.calibrate(gmwm.read(path), within="WN + RW")["gyro_x"].objective
     assert "warm-up" not in {remark.code for remark in calibrated(0.0, "WN + RW").remarks}
+
+
+@pytest.mark.slow
+def test_axes_of_different_length_are_named_alike_in_every_document():
+    rng = np.random.default_rng(8)
+    lost = rng.random(SAMPLES) < 0.01
+    lost[0] = False
+    values = {"gyro_x": 2e-3 * np.exp(-AT / 100.0), "gyro_y": np.zeros(SAMPLES)}
+    imu = Imu({
+        axis: Signal.from_missing(np.where(lost, np.nan, x + 1e-3 * rng.normal(size=SAMPLES)), RATE, "rad/s", axis)
+        for axis, x in values.items()
+    })  # fmt: skip
+    found = gmwm.calibrate(imu, within="WN + RW")
+    short, long = (wv.samples - wv.filled for wv in (found[axis].wavelet_variance for axis in values))
+    assert short < long
+    assert f"{short} to {long} samples" in found.summary()
+    assert "on 1 of 2 axes (warm-up)" in " ".join(found.summary().split())
+    assert dict(recording_facts(found)["facts"])["Length"].startswith(f"{short} to {long} samples")
+    assert f"{short} to {long} samples" in found.export(format="csv")
+    filled = {remark.subject: remark.facts["count"] for remark in found.remarks if remark.code == "gaps-filled"}
+    assert filled["gyro_x"] < filled["gyro_y"]
 
 
 def test_a_slow_warm_up_limits_k():

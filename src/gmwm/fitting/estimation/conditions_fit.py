@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
-from gmwm.base.text import Summarised, align, p_relation
+from gmwm.base.text import Summarised, align, gap_text, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
@@ -168,9 +168,7 @@ class ConditionsFit(Summarised, Plotted):
         lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
-            lines.append(
-                f"global optimum: no other parameter values lower the objective by more than {100 * max(gap, 0):.2g} %"
-            )
+            lines.append(f"global optimum: no other parameter values lower the objective by more than {gap_text(gap)}")
         lines.append(
             f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, "
             f"p {p_relation(self.pvalue)}"

@@ -11,7 +11,7 @@ from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.text import p_text, round_fixed
+from gmwm.base.text import gap_text, p_text, round_fixed
 from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
@@ -236,7 +236,7 @@ def _parameters(fit: Fit, session: Session) -> Any:
 def _tests(fit: Fit) -> Any:
     deviation = relative_misfit(fit)
     _, test = test_in_words(fit, IntervalMethod())
-    gap = "no certificate" if fit.gap is None else f"proven within {100 * fit.gap:.2g} % of the objective"
+    gap = "no certificate" if fit.gap is None else f"proven within {gap_text(fit.gap)} of the objective"
     misfit_text = "none"
     if deviation.largest > 0:
         misfit_text = f"{100 * deviation.rms:.2g} % rms, {100 * deviation.largest:.2g} % at {deviation.tau:.3g} s"
