@@ -1,7 +1,7 @@
 """Processes that begin with the package imported.
 
 An import takes two seconds of processor time, more than most pages and commands take after it. So one process imports
-once and forks for each page and each command, which is a process of its own: its modules, arguments and output.
+once and forks for each page and each command, which is a process with its own modules, signals and output.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -21,7 +22,12 @@ from gmwm.cli.main import NAMES
 
 # Not Polars: it starts threads when it is imported, and threads do not survive a fork.
 COMMANDS = tuple(f"gmwm.cli.{name}" for name in NAMES)
-PRELOADED = ("gmwm.cli.main", *COMMANDS, "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
+LATER = (
+    "gmwm.applications.monitor", "gmwm.applications.several", "gmwm.showing.reports.write", "gmwm.theory.simulation",
+    "jinja2", "rich.progress", "rich.table", *(["pydantic.types"] if find_spec("pydantic") else []),
+)  # fmt: skip
+"""Modules that commands import when they run."""
+PRELOADED = ("gmwm.cli.main", *COMMANDS, *LATER, "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
 ROOT = Path(__file__).parents[1]
 
 

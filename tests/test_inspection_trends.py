@@ -97,6 +97,7 @@ def test_a_step_is_no_warm_up():
             assert inspect(made(NOISE, samples, seed, 3e-3 * (np.arange(samples) > place))).trends == ()
 
 
+@pytest.mark.slow
 def test_the_remark_has_the_axis_the_duration_and_what_to_leave_out():
     samples = 144_000
     found = inspect(made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)))

@@ -98,6 +98,7 @@ def test_other_commands_take_them_too(gmwm, series, command):
     assert gmwm(command, series, *OPTIONS[:2], *within, "--against", "time", "--against", "season:1y").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -128,6 +129,7 @@ def test_a_fit_comes_back_with_its_season_and_step():
     assert fit.regression.plot().axes[0].get_xlabel() == "Time (h)"
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_averaged_over_blocks_and_read_in_chunks(gmwm, tmp_path):
     rng = np.random.default_rng(5)
     t = np.arange(40_000) / 10

@@ -163,6 +163,7 @@ def test_a_million_samples_against_geometric_sums(name):
     assert error(found, expected, levels.size) < 1e-10
 
 
+@pytest.mark.slow
 def test_the_two_oracles_agree():
     terms = oracle.Terms(white=0.1, walk=1e-3, amplitudes=[1.0, 0.5], decays=[0.02, 0.01 + 0.7j])
     one, two = oracle.lag_sums([1, 3, 5], 60, terms, terms)[1], oracle.closed_sums([1, 3, 5], 60, terms)
@@ -204,6 +205,7 @@ def test_arma_near_the_unit_circle(lost):
     assert error(found, expected, levels.size) < 1e-9
 
 
+@pytest.mark.slow
 def test_an_autoregression_that_nearly_alternates():
     phi = -np.poly([-0.75, -1 + 1e-8]).real[1:]
     amplitudes, decays = poles_of(phi, [], 1.0)

@@ -69,7 +69,7 @@ def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("text", MODELS)
 def test_ratios_of_simulated_records_follow_the_law(text: str) -> None:
-    model, robust, draws = gmwm.Model.parse(text).sorted(RATE), design(4000, 0.6, 7), 2000
+    model, robust, draws = gmwm.Model.parse(text).sorted(RATE), design(4000, 0.6, 7), 1200
     pair = [simulated_variances(model, s, draws, seed=3) for s in (replace(robust, efficiency=None), robust)]
     ratios, errors = np.log(pair[0] / pair[1]), np.sqrt(ratio_variances(model, robust))
     assert ratios.std(axis=0) / errors == pytest.approx(np.ones(7), abs=5 / np.sqrt(2 * draws))

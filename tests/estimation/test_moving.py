@@ -41,6 +41,7 @@ def covered(fit: gmwm.estimation.ConditionsFit, truth: dict[str, float]) -> list
     return [low <= truth[name] <= high for name, (low, high) in intervals.items()]
 
 
+@pytest.mark.slow
 def test_white_noise_on_ramps_of_a_turntable() -> None:
     signal = white(np.random.default_rng(1), 200 * RAMPS)
     fit = gmwm.fit("WN + RW", signal, varies={"WN": "1 + rate**2"}, against={"rate": 200 * RAMPS})

@@ -86,6 +86,7 @@ def test_inflation_scales_n_and_k(units, format):
     assert "Inflation factor: 10" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - {*MARKOV, "glim"}))
 def test_the_horizon_sets_the_time_of_the_prediction(units, format):
     calibration, truths = units["gauss-markov"], TRUTHS["gauss-markov"]

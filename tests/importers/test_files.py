@@ -256,6 +256,7 @@ ALIASES = "a: &a [x, x]\n" + "".join(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [ALIASES, "a: &a [[*a]]\n", "[" * 10_000, "".join(f"{' ' * k}a:\n" for k in range(1200))]
 )

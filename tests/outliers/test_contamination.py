@@ -90,6 +90,7 @@ def test_a_pair_says_what_its_recording_says() -> None:
     assert signal.remarks == tuple(remark.about("gyro_x") for remark in pair.remarks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-12, 1e12])
 def test_units_change_nothing(scale: float) -> None:
     one, other = contamination(knocked(), RATE), contamination(scale * knocked(), RATE)

@@ -231,6 +231,7 @@ def test_noon_and_midnight_on_a_clock_of_12_hours(tmp_path):
         assert imu["gyro_x"].start == pytest.approx(begin.hour * 3600 + 59 * 60 + 59)
 
 
+@pytest.mark.slow
 def test_a_broken_line_among_json_objects_states_its_line(tmp_path):
     lines = RECORDS[1].text().splitlines()
     lines[20] = lines[20][:30]

@@ -24,6 +24,7 @@ def test_the_rate_of_the_slower_log_is_found(share):
     assert slower_rate(_resampled(share)) == pytest.approx(share, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_rounded_output_does_not_hide_the_straight_lines():
     x = _resampled(0.625)
     assert slower_rate(np.round(x / 2e-4) * 2e-4) == pytest.approx(0.625, abs=1e-4)

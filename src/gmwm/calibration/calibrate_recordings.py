@@ -290,8 +290,14 @@ def _recording_remarks(
         remarks = by_recording[name] = []
         recording_verdicts = [of[name] for of in verdicts.values() if name in of]
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        for inspection, of_part in zip(of_parts, findings[name], strict=True):
-            remarks += recording_remarks(inspection, axes, recording_verdicts)
+        parts = [tuple(recording_remarks(inspection, axes, recording_verdicts)) for inspection in of_parts]
+        for inspection, part, of_part in zip(of_parts, parts, findings[name], strict=True):
+            for remark in part:
+                # Another part, for example with a warm-up, has another share of lost samples.
+                other = not remark.subject and any(
+                    remark.code in {r.code for r in others} and remark not in others for others in parts
+                )
+                remarks += [remark.about(axis) for axis in inspection.axes] if other else [remark]
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
                     remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gmwm.base.errors import MissingTheoryError
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.statistics import holm
-from gmwm.base.text import duration_text
+from gmwm.base.text import duration_text, gap_text
 from gmwm.calibration.averaging import WALK, markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
@@ -127,7 +127,7 @@ def certificate_of(fits: Collection[Fit]) -> Remark | None:
     if len(certified) < len(gaps):
         return None
     held = any(fit.model.fixed_names for fit in fits)
-    return Remark.of("check-passed", case="optimum", gap=100 * max(certified), of="shape" if held else "all")
+    return Remark.of("check-passed", case="optimum", gap=gap_text(max(certified)), of="shape" if held else "all")
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
@@ -319,7 +319,7 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
         f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
         if process.oscillation() is not None
     }
     parameters = tuple(lines.get(name, name) for name in needed)

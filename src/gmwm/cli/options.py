@@ -189,7 +189,7 @@ def option_texts(docstring: str) -> tuple[str, dict[str, OptionText]]:
     A text has a heading, the name of the parameter and, in parentheses, the names of the option unless it has the name
     of the parameter, the placeholder of its value, and its limits. The heading Arguments has arguments without a name.
 
-    >>> option_texts('''Count.\n\nResult:\n    seed (--seed, -s N ≥ 0): Seed of the\n        draws.''')
+    >>> option_texts("Count.\\n\\nResult:\\n    seed (--seed, -s N ≥ 0): Seed of the\\n        draws.")
     ('Count.', {'seed': OptionText(heading='Result', marks='--seed, -s N ≥ 0', help='Seed of the draws.')})
     """
     text, *sections = re.split(r"(?m)^([A-Z][a-z ]+):\n(?=    )", docstring)

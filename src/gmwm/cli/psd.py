@@ -1,4 +1,4 @@
-"""gmwm psd: power spectral density of a recording, with its narrow lines and broad bumps."""
+"""gmwm psd: power spectral density of a recording, with its lines and broad peaks."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def psd(
 ) -> Outcome:
     """Print the lines and the resonances in the power spectral density of each axis.
 
-    The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a significant broad peak,
-    such as a resonance. For each axis, the probability of any false line or bump is at most 1 %. Q is the frequency
+    The density is estimated by Welch's method. A line is a significant narrow peak; a broad peak is wider, such as a
+    resonance. For each axis, the probability of any false line or broad peak is at most 1 %. Q is the frequency
     divided by the width.
 
     Estimation:
@@ -88,7 +88,7 @@ def _measure(
 
 
 def _text(found: PowerSpectra, si: bool) -> str:
-    """Format a table of the lines and a table of the bumps of all axes."""
+    """Format a table of the lines and a table of the broad peaks of all axes."""
     first = next(iter(found.values()))
     parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
     units = {axis: (spectrum.unit, 1.0) if si else usual_unit(spectrum.unit) for axis, spectrum in found.items()}
@@ -111,5 +111,5 @@ def _text(found: PowerSpectra, si: bool) -> str:
     heads = ["axis", "frequency (Hz)", "±", "amplitude", "±", "width (Hz)", "× level", "harmonic"]
     parts.append(table_text(heads, lines, title="Lines") if lines else "No lines")
     heads = ["axis", "frequency (Hz)", "width (Hz)", "Q", "× level"]
-    parts.append(table_text(heads, bumps, title="Bumps") if bumps else "No bumps")
+    parts.append(table_text(heads, bumps, title="Broad peaks") if bumps else "No broad peaks")
     return "\n\n".join(parts)

@@ -22,7 +22,7 @@ from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.results import Plotted, register
-from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
+from gmwm.base.text import Named, Summarised, gap_text, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.likelihood.tracks import Tracks
 from gmwm.recording.options import as_confidence
@@ -399,8 +399,8 @@ class JointFit(Summarised, Plotted):
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
         tests += [self.shared(term).summary() for term in self._shareable]
         if self.lower_bound is not None:
-            share = max(1 - self.lower_bound / self.objective, 0.0)
-            tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
+            share = 1 - self.lower_bound / self.objective
+            tests.append(f"No other parameters of this model lower the objective by more than {gap_text(share)}.")
             if not self.proved:
                 tests.append("This bound does not prove that the fit is the optimum.")
         return "\n".join([*lines, "", *tests])

@@ -406,6 +406,7 @@ def _equivalent(
     """Return the candidates that are as good as the best one and contain no smaller such one, the simplest first."""
     best, level = candidates[0], _levels(candidates)
     equivalent: list[Candidate] = []
+    worse: list[Candidate] = []
     distinct = (c for c in candidates if c.same_as is None)
     for candidate in sorted(distinct, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
@@ -418,7 +419,15 @@ def _equivalent(
             # A model with a clearly larger criterion is not equivalent, even if it is simpler.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.weights, explored.wavelet):
                 continue
+            # Models with the same curve and criterion, such as RW and a slow GM, have the same answer.
+            if any(
+                level[k.structure] == level[candidate.structure]
+                and np.allclose(k.fit.implied, candidate.fit.implied, rtol=EQUAL_CRITERIA, atol=0)
+                for k in worse
+            ):
+                continue
             if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
+                worse.append(candidate)
                 continue
             # This is the last check, because the test fits the candidate again, without the coarse levels. The distance
             # of the fit to all levels is larger, and takes a twentieth of the time.

@@ -75,9 +75,18 @@ class Hypothesis:
 
     def excess(self, rival: Fit) -> float:
         """Return the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω."""
-        fit_again, other = self.again, self._fit(rival)
-        criteria = [fit.objective + optimism(fit, self.wavelet, self.weights) for fit in (fit_again, other)]
-        return criteria[0] - criteria[1]
+        other = self._fit(rival)
+        return self._criterion - other.objective - optimism(other, self.wavelet, self.weights)
+
+    def least_excess(self, rival: Fit) -> float:
+        """Return a lower limit of `excess` without a fit of the rival, which lowers its loss; its optimism hardly
+        changes (below 1 in 908 fits to 40 curves)."""
+        residual = self.root @ (rival.wavelet_variance.variance - rival.implied)
+        return self._criterion - float(residual @ residual) - optimism(rival, self.wavelet, self.weights) - 1.0
+
+    @cached_property
+    def _criterion(self) -> float:
+        return self.again.objective + optimism(self.again, self.wavelet, self.weights)
 
     @cached_property
     def again(self) -> Fit:
@@ -172,12 +181,15 @@ def as_good(explored: Explored, fit: Fit, rival: Fit, size: float, draws: int, s
 
 def by_chance(hypothesis: Hypothesis, rival: Fit, size: float) -> bool:
     """Return whether over `size` of the simulated recordings differ as much from the smallest criterion."""
+    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
+    # this bound rejects most candidates. One term has half the penalty of two.
+    largest = hypothesis.losses - 0.5 * hypothesis.least
+    if np.mean(largest >= hypothesis.least_excess(rival)) <= size:
+        return False
     difference = hypothesis.excess(rival)
     if difference <= 0:
         return True
-    # The loss of the best sum is at least zero. The loss of the candidate is therefore a bound for the decrease, and
-    # this bound rejects most candidates. One term has half the penalty of two.
-    if np.mean(hypothesis.losses - 0.5 * hypothesis.least >= difference) <= size:
+    if np.mean(largest >= difference) <= size:
         return False
     single, most = hypothesis.single(), hypothesis.losses - hypothesis.least
     if np.mean(single >= difference) > size:
