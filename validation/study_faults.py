@@ -196,19 +196,17 @@ def table(result: dict[str, Any]) -> str:
         return "" if value is None else f"{value:.0%}"
 
     lines = [
-        f"{result['recordings']} recordings with each fault and as many clean ones of each kind are simulated in plain "
-        f"NumPy, with {result['samples']} samples at {result['rate']:g} Hz. The table shows how often the remark names "
-        "the fault, how often N can be used or is a bound, the median of N over the truth, how often N with the "
-        "verdict use is within 2 %, and the coverage of the 95 % intervals. The last column is the share of recordings "
-        "in which K is inside its interval or below its bound, or must not be used.",
-        "",
-        "A random walk hides small jumps and settlings. "
-        + " ".join(
-            f"Of the {row['kind'].replace('_', ' ')}, {row['large']} are above the stated size, which reduces −2 log L "
-            f"by {STATED:g} beside a walk; {share(row['passed'])} of these are not named."
+        f"Plain NumPy simulates {result['recordings']} recordings of each fault and clean kind, with "
+        f"{result['samples']} samples at {result['rate']:g} Hz. The table shows how often the fault is named, the "
+        "verdicts of N, its median over the truth, its share within 2 % if used, its coverage, and how often K is "
+        "covered or refused. "
+        f"Faults that a random walk hides are large if they reduce −2 log L by {STATED:g} beside it: "
+        + "; ".join(
+            f"{row['large']} of the {row['kind'].replace('_', ' ')}, of which {share(row['passed'])} are not named"
             for row in result["rows"]
             if row["kind"] in faults.COURSES
-        ),
+        )
+        + ".",
         "",
         "| fault | remark | named | N used | N bound | N / truth | within 2 % | covered | K right |",
         "|---|---|---|---|---|---|---|---|---|",
