@@ -198,8 +198,7 @@ def table(result: dict[str, Any]) -> str:
     lines = [
         f"Plain NumPy simulates {result['recordings']} recordings of each fault and clean kind, with "
         f"{result['samples']} samples at {result['rate']:g} Hz. The table shows how often the fault is named, the "
-        "verdicts of N, its median over the truth, its share within 2 % if used, its coverage, and how often K is "
-        "covered or refused. "
+        "verdicts of N, its median over the truth, its share within 2 %, its coverage, and how often K is right. "
         f"Faults that a random walk hides are large if they reduce −2 log L by {STATED:g} beside it: "
         + "; ".join(
             f"{row['large']} of the {row['kind'].replace('_', ' ')}, of which {share(row['passed'])} are not named"
