@@ -2,12 +2,16 @@
 
 import gc
 import os
+from collections.abc import Iterator
+
+import pytest
 
 # The matrices are small. A second BLAS thread gains nothing and waits in a loop, on the processor that the other test
 # process needs: on two busy cores one test took 100 times as long. NumPy reads this when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import tests.pictures  # noqa: F401
+from tests.forked import Forks
 
 # The garbage collector would search two million objects of modules and tests again and again, all of which stay.
 gc.disable()
@@ -17,3 +21,11 @@ def pytest_collection_finish() -> None:
     """Collect garbage only of what the tests make."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(scope="session")
+def forks() -> Iterator[Forks]:
+    """A process that has imported the package, and forks for each page and each command of the tests."""
+    forks = Forks.new()
+    yield forks
+    forks.close()

@@ -1,26 +1,33 @@
 """Processes that begin with the package imported.
 
 An import takes two seconds of processor time, more than most pages and commands take after it. So one process imports
-once and forks for each page and each command, which is a process of its own: its modules, arguments and output.
+once and forks for each page and each command, which is a process with its own modules, signals and output.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import traceback
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from gmwm.cli.main import NAMES
 
 # Not Polars: it starts threads when it is imported, and threads do not survive a fork.
 COMMANDS = tuple(f"gmwm.cli.{name}" for name in NAMES)
-PRELOADED = ("gmwm.cli.main", *COMMANDS, "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
+LATER = (
+    "gmwm.applications.monitor", "gmwm.applications.several", "gmwm.showing.reports.write", "gmwm.theory.simulation",
+    "jinja2", "rich.progress", "rich.table", *(["pydantic.types"] if find_spec("pydantic") else []),
+)  # fmt: skip
+"""Modules that commands import when they run."""
+PRELOADED = ("gmwm.cli.main", *COMMANDS, *LATER, "matplotlib.pyplot", "scipy.signal", "scipy.stats", "tests.pictures")
 ROOT = Path(__file__).parents[1]
 
 
@@ -99,6 +106,30 @@ def gmwm(*arguments: str) -> None:
 
     sys.argv = ["gmwm", *arguments]
     run()
+
+
+def gmwm_in_a_code_page(*arguments: str) -> None:
+    """The same as on Windows, whose pipes are in a code page of its own."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(encoding="cp1252")  # type: ignore[union-attr]
+    gmwm(*arguments)
+
+
+def gmwm_struck(module: str, name: str, number: str, *arguments: str) -> None:
+    """The script of the command, which gets a signal when it calls a function for the first time."""
+    from gmwm.cli import start
+
+    main, owner = os.getpid(), import_module(module)
+    work = getattr(owner, name)
+
+    def strike(*given: Any, **options: Any) -> Any:
+        os.kill(main, int(number))  # of this process, also if a helper does the work
+        return work(*given, **options)
+
+    setattr(owner, name, strike)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for commands in the background
+    sys.argv = ["gmwm", *arguments]
+    start()
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:

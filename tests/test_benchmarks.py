@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as suite
-from benchmarks import children, harness, page, recordings, scaling
+from benchmarks import children, harness, page, recordings, scaling, targets
 from benchmarks.bench_wavelet_variance import decimated, pyramid, stationary
 from benchmarks.claims import CLAIMS, MARGIN, ROOT, Claim
 from benchmarks.results import Results
@@ -158,19 +158,29 @@ def test_recordings_that_are_missing_are_left_out(tmp_path: Path, monkeypatch: p
 
     def inspect(name: str, arguments: list[str], samples: int, folder: Path) -> children.Child:
         words.append(arguments)
+        if len(words) > 1:
+            return children.run(name, f"gmwm.read({arguments[1]!r})", samples, folder)
         return children.command(name, ["info", arguments[1]], samples, folder)
 
     monkeypatch.setattr(recordings, "command", inspect)
-    rows = [asdict(row) for row in recordings.recordings(tmp_path, samples=10_000)]
+    rows = [asdict(row) for row in recordings.recordings(tmp_path, samples=24_000, units=1, shapes=2)]
     assert [(first, *rest) for first, _, *rest in words] == [
-        ("calibrate", "--output", f"results-{name}") for name in ("whole", "gaps")
+        ("calibrate", "--output", f"results-{name}") for name in ("unit", "whole", "gaps")
     ]
     results = Results(empty() | {"recordings": rows})
     assert [row[:2] for row in recordings.rows_of_recordings(results)] == [
-        ["1 kHz, no sample lost", "6×10⁴"],
-        ["1 kHz, 0.5 % of the samples lost", "6×10⁴"],
+        ["slowest of 1 simulated units with resonances and lines", "6×10⁴"],
+        ["1 kHz, no sample lost", "10⁵"],
+        ["1 kHz, 0.5 % of the samples lost", "10⁵"],
+        ["slowest of 0 published and 2 simulated curves", ""],
     ]
     assert all(row["seconds"] > 0 and row["peak"] > 1e7 for row in rows)
+    asked = {target.work: target.found(results) for target in targets.TARGETS}
+    assert [name for name, value in asked.items() if value is not None] == [
+        "slowest of 30 simulated units with resonances and lines, the same",
+        "slowest of 200 curves without samples, one axis, wall time",
+        "log of 40 min at 1 kHz with 0.5 % lost samples, against the same without",
+    ]
 
 
 def test_the_times_of_other_programs_stand_without_a_run(record: dict[str, Any]) -> None:

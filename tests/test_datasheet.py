@@ -172,6 +172,7 @@ class Own(Process, register=False):
         return self.scale * np.where(k == 0, 1 + theta**2, np.where(k == 1, theta, 0.0))
 
 
+@pytest.mark.slow
 def test_a_process_of_ones_own_may_say_nothing():
     own = Own(theta=fixed(0.5))
     found = sheet_of(own + RW(), exact(Own(theta=0.5, sigma2=1e-6) + RW(gamma2=1e-10), levels=9, samples=2**12))
@@ -498,7 +499,7 @@ TRUTHS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("text", TRUTHS)
 def test_intervals_cover(text):
-    truth, paths, n = TRUTHS[text], 200, 2**14
+    truth, paths, n = TRUTHS[text], 120, 2**14
     wanted = {number.symbol: number.value for process in truth.processes for number in process.physical(RATE)}
     numbers = filter_numbers(truth.processes, RATE)
     wanted |= {"N": numbers.N, "K": numbers.K}

@@ -59,6 +59,15 @@ def test_the_interval_of_white_noise_includes_the_number_without_the_flanks_of_f
     assert (white.low < 1e-4) == includes
 
 
+@pytest.mark.parametrize(("power", "changes"), [(1e-4, False), (1e-8, True)])
+def test_a_misfit_where_an_oscillation_prevails_is_not_one_of_the_noise(power, changes):
+    """A small error in the shape of an oscillation of 10 standard deviations is as large as the noise below it."""
+    line = gmwm.OSC(frequency=fixed(24.5), quality=fixed(1000.0), sigma2=power)
+    fit = gmwm.fit(line.with_values(sigma2=None) + WN(), exact(line + WN(sigma2=1e-6)), certify=False)
+    moved = replace(fit, implied=fit.implied * np.where(fit.wavelet_variance.levels <= 2, 1.5, 1.0))
+    assert (curve_ratio(moved) is not None) == changes
+
+
 @pytest.mark.parametrize(("share", "visible"), [(8.0, True), (12.0, False)])
 def test_a_walk_that_needs_a_filter_as_slow_as_the_recording_is_zero(share, visible):
     curve = exact(WN(sigma2=1e-6) + RW(gamma2=1e-6 * (share / 2**18) ** -2 * (share / 2**18) ** 4))

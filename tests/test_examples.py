@@ -149,7 +149,7 @@ def test_recorded(tmp_path, capsys):
 
 # --- navigation ---------------------------------------------------------------------------------------
 
-RUNS = 20
+RUNS = 12
 
 
 @pytest.fixture(scope="module")
@@ -260,11 +260,11 @@ def test_departures_have_the_expected_allan_variance(covariance, overlapping):
     root = np.linalg.cholesky(covariance)
     kind = "overlapping" if overlapping else "nonoverlapping"
     rows = []
-    for _ in range(400):
+    for _ in range(200):
         result = gmwm.allan_variance(root @ rng.standard_normal(256), kind=kind)
         rows.append(result.variance)
     expected = departures.expected_allan_variance(covariance, result.clusters, overlapping)
-    assert np.all(np.abs(np.mean(rows, axis=0) - expected) < 4 * np.std(rows, axis=0) / np.sqrt(400))
+    assert np.all(np.abs(np.mean(rows, axis=0) - expected) < 4 * np.std(rows, axis=0) / np.sqrt(200))
 
 
 def test_departures_print_a_fit_that_does_not_see_them(capsys):

@@ -63,8 +63,7 @@ def test_a_damaged_library_shows_its_own_error(monkeypatch, tmp_path):
 def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("core")
     imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=20_000, rng=5)
-    for ending in ("csv", "parquet"):
-        imu.write(folder / f"g.{ending}")
+    imu.write(folder / "g.csv")
     simulate({"gyro": "WN(sigma2=4e-7)"}, rate=100.0, samples=100, rng=5).write(folder / "g.mcap")
     with h5py.File(folder / "g.h5", "w") as file:
         file["gyro_x"] = imu["gyro_x"].values
@@ -79,7 +78,7 @@ def core(folder: Path, *arguments: str, blocked: tuple[str, ...] = BLOCKED) -> s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["g.csv", "g.parquet", "g.npy"])
+@pytest.mark.parametrize("name", ["g.csv", "g.npy"])
 def test_the_core_calibrates_a_file_and_leaves_only_the_plots_out(folder, name):
     given = ("--rate", "100", "--units", "gyro=rad/s", "--columns", "gyro_x") if name.endswith("npy") else ()
     blocked = ("polars", *BLOCKED) if name.endswith("npy") else BLOCKED
@@ -97,10 +96,8 @@ def test_the_core_calibrates_a_file_and_leaves_only_the_plots_out(folder, name):
     ("command", "extra"),
     [
         ("info g.csv --plot picture.png", "plots"),
-        ("fit g.csv --model WN --plot picture.pdf", "plots"),
         ("info g.mcap", "ros"),
         ("info g.h5", "hdf5"),
-        ("calibrate g.csv --workers 2", "dask"),
         ("fleet . --scheduler tcp://127.0.0.1:1 --output fleet", "dask"),
         ("wv g.csv --filter sym5", "wavelets"),
         ("app g.csv", "app"),

@@ -60,6 +60,7 @@ def frames(imu):
         yield imu.to_xarray()
 
 
+@pytest.mark.slow
 def test_functions_take_data_frames():
     curves, inspection = gmwm.wavelet_variance(IMU), gmwm.inspect(IMU)
     for frame in frames(IMU):

@@ -47,11 +47,11 @@ def repeated(count, same):
 @pytest.mark.parametrize(
     ("remarks", "expected"),
     [
-        (lambda: of_gravity(1.015 * STANDARD_GRAVITY), []),
-        (lambda: of_gravity(1.025 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(1.045 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(0.86 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
+        (lambda: of_gravity(1.015 * STANDARD_GRAVITY, {}), []),
+        (lambda: of_gravity(1.025 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.045 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(0.86 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.16 * STANDARD_GRAVITY, {}), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
         (lambda: of_motion(STILL, 0.8, (), EXTENT), ["recording-settles"]),
@@ -127,6 +127,7 @@ def test_motion_in_a_short_recording_is_left_out_and_motion_everywhere_has_no_re
     assert {r.facts["case"] for r in found if r.code == "recording-moved"} == {"throughout"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "expected"), [(0.08, False), (0.13, True)])
 def test_an_axis_that_often_changes_can_stick(share, expected):
     changes = np.random.default_rng(1).uniform(size=SAMPLES) < share

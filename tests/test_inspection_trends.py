@@ -48,7 +48,7 @@ def test_a_warm_up_is_told_with_its_size_and_length(time, size, scale):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("samples", "seeds", "most"), [(7000, 60, 3), (30_000, 40, 3)])
+@pytest.mark.parametrize(("samples", "seeds", "most"), [(7000, 60, 3), (30_000, 15, 2)])
 @pytest.mark.parametrize(
     "model",
     [
@@ -59,7 +59,7 @@ def test_a_warm_up_is_told_with_its_size_and_length(time, size, scale):
     ],
 )
 def test_what_wanders_all_the_time_is_no_trend(model, samples, seeds, most):
-    # docs/validation/trends.md: at most 2 %; more than 3 of 60 then have a probability below 3 %.
+    # docs/validation/trends.md: at most 2 %; more than 3 of 60, or 2 of 15, then have a probability below 3 %.
     found = [seed for seed in range(seeds) if inspect(made(model, samples, seed)).trends]
     assert len(found) <= most
 
@@ -97,6 +97,7 @@ def test_a_step_is_no_warm_up():
             assert inspect(made(NOISE, samples, seed, 3e-3 * (np.arange(samples) > place))).trends == ()
 
 
+@pytest.mark.slow
 def test_the_remark_has_the_axis_the_duration_and_what_to_leave_out():
     samples = 144_000
     found = inspect(made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)))

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm.applications.navigation.api import budget
@@ -21,12 +22,10 @@ def recording(seed):
     rng = np.random.default_rng(seed)
     white = rng.normal(0.0, 10.0 ** rng.uniform(-6, -2), SAMPLES)
     walk = np.cumsum(rng.normal(0.0, np.std(white) * 10.0 ** rng.uniform(-6, -3), SAMPLES))
-    slow = np.zeros(SAMPLES)
     decay = math.exp(-1 / (RATE * 10.0 ** rng.uniform(-2, 3)))
     kicks = rng.normal(0.0, np.std(white) * 10.0 ** rng.uniform(-4, -1), SAMPLES)
-    for k in range(1, SAMPLES):
-        slow[k] = decay * slow[k - 1] + kicks[k]
-    return gmwm.Signal(white + walk + slow, RATE, "rad/s")
+    kicks[0] = 0.0
+    return gmwm.Signal(white + walk + lfilter([1.0], [1.0, -decay], kicks), RATE, "rad/s")
 
 
 @pytest.mark.slow

@@ -71,6 +71,7 @@ def test_an_average_of_rounded_samples_has_the_step_of_the_average():
     assert look(x).axes["gyro_x"].before_rounding == pytest.approx(np.sqrt((1 + 1 / 12) / 4), rel=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratio", "code"), [(0.5, None), (1.4, "output-rounded"), (2.4, "coarse-output"), (8, "coarse-output")]
 )

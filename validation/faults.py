@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,10 +161,15 @@ def jump_white(n: int, rng: Rng) -> Array:
     return white(n, rng) + size * (np.arange(n) > n * rng.uniform(0.1, 0.9))
 
 
+def five_places(n: int, rng: Rng) -> Array:
+    """Five jumps of 1, (5, n)."""
+    return (np.arange(n) > np.sort(rng.integers(n, size=5))[:, None]).astype(float)
+
+
 def jumps(n: int, rng: Rng) -> Array:
     """Five jumps in white noise."""
-    at = np.sort(rng.integers(n, size=5))
-    return white(n, rng) + np.sum(1e-4 * rng.normal(size=5) * (np.arange(n)[:, None] > at), axis=1)
+    courses = five_places(n, rng)
+    return white(n, rng) + 1e-4 * rng.normal(size=5) @ courses
 
 
 def jumps_in_walk(n: int, rng: Rng) -> Array:
@@ -303,11 +309,44 @@ def pulses(shortest: int, longest: int, least: float, most: float, period: int) 
     return of
 
 
+def one_decay(n: int, rng: Rng) -> Array:
+    """A jump of 1 that decays, (1, n)."""
+    since = np.arange(n) - n * rng.uniform(0.2, 0.7)
+    return np.where(since > 0, np.exp(-np.maximum(since, 0) / (RATE * rng.uniform(30, 200))), 0.0)[None]
+
+
 def second_warm_up(n: int, rng: Rng) -> Array:
     """The mean jumps and decays, as after a power cycle."""
-    since = np.arange(n) - n * rng.uniform(0.2, 0.7)
-    decay = np.where(since > 0, np.exp(-np.maximum(since, 0) / (RATE * rng.uniform(30, 200))), 0.0)
+    (decay,) = one_decay(n, rng)
     return base(n, rng) + rng.uniform(0.1, 0.5) * WHITE * rng.choice([-1, 1]) * decay
+
+
+COURSES: dict[str, Callable[[int, Rng], Array]] = {"jumps": five_places, "second_warm_up": one_decay}
+"""Courses of the faults that a random walk can hide."""
+
+
+def visibility(x: Array, courses: Array) -> float:
+    """Reduction of −2 log L of white noise and a random walk by some of the courses (p, n) at their true times, less
+    2 ln 256 for each time that a search has to find. The likelihood is that of 256 block means."""
+    blocks, length = 256, x.size // 256
+    k = np.arange(1, blocks)
+    transform = np.sqrt(2 / blocks) * np.sin(np.pi * np.outer(k, k) / blocks)
+    means = np.vstack([x, courses])[:, : blocks * length].reshape(-1, blocks, length).mean(axis=2)
+    z, *columns = np.diff(means) @ transform
+    theta = np.pi * k / blocks
+    walks = np.append(0.0, np.geomspace(1e-6, 1e4, 100))[:, None]
+    variances = 2 - 2 * np.cos(theta) + walks * (2 + np.cos(theta)) / 3
+
+    def minus2(chosen: list[Array]) -> float:
+        rest = []
+        for variance in variances:
+            design, y = np.array(chosen).reshape(-1, k.size).T / np.sqrt(variance)[:, None], z / np.sqrt(variance)
+            left = y - design @ np.linalg.lstsq(design, y)[0] if chosen else y
+            rest.append(k.size * np.log(left @ left) + np.sum(np.log(variance)))
+        return float(min(rest))
+
+    subsets = [chosen for p in range(1, len(columns) + 1) for chosen in combinations(columns, p)]
+    return minus2([]) - min(minus2(list(chosen)) + 2 * np.log(blocks) * len(chosen) for chosen in subsets)
 
 
 FAULTS: dict[str, Callable[[int, Rng], Array]] = {

@@ -136,7 +136,7 @@ def size(key: str, runs: int) -> dict[str, Any]:
 def run(reduced: bool = False) -> dict[str, Any]:
     """Coverage of each parameter and rejections of both tests, for each kind of recording."""
     rows = [row(name, 1 if reduced else RUNS[name]) for name in CASES]
-    return {"rows": rows, "sizes": [size(key, 2 if reduced else case[-1]) for key, case in CONSTANT.items()]}
+    return {"rows": rows, "sizes": [size(key, 1 if reduced else case[-1]) for key, case in CONSTANT.items()]}
 
 
 def row(name: str, runs: int) -> dict[str, Any]:

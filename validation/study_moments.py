@@ -52,7 +52,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     """Coverage, rejections and errors for each kind of series."""
     rows = []
     for place, (model, samples, freedom, series_count) in enumerate(CASES):
-        runs = 4 if reduced else series_count
+        runs = 2 if reduced else series_count
         phi, theta = MODELS[model]
         truth = {f"{model}.phi{k}": c for k, c in enumerate(phi, 1)}
         truth |= {f"{model}.theta{k}": c for k, c in enumerate(theta, 1)} | {f"{model}.sigma2": 1.0}

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm.calibration.rest import reach_of
@@ -79,11 +80,9 @@ def drawn(case: Case, seed: int) -> tuple[recordings.Array, float]:
 def markov(rng: np.random.Generator, time: float, deviation: float) -> recordings.Array:
     """A Gauss-Markov process, from its recursion."""
     keep = math.exp(-1 / (RATE * time))
-    out, driving = np.empty(SAMPLES), rng.normal(0, deviation * math.sqrt(1 - keep**2), SAMPLES)
-    out[0] = rng.normal(0, deviation)
-    for k in range(1, SAMPLES):
-        out[k] = keep * out[k - 1] + driving[k]
-    return out
+    driving = rng.normal(0, deviation * math.sqrt(1 - keep**2), SAMPLES)
+    driving[0] = rng.normal(0, deviation)
+    return np.asarray(lfilter([1.0], [1.0, -keep], driving))
 
 
 def flicker(rng: np.random.Generator, samples: int) -> recordings.Array:

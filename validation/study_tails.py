@@ -143,7 +143,7 @@ CASES: dict[str, tuple[White, Spoil, bool, str]] = {
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """For each case: share of robust curves, wrong samples replaced, N over its truth, coverage, and rejections."""
-    count, samples = (4, 30_000) if reduced else (100, SAMPLES)
+    count, samples = (3, 30_000) if reduced else (100, SAMPLES)
     names = list(CASES)[::3] if reduced else list(CASES)
     rows = []
     for name in names:

@@ -3,11 +3,13 @@
 import dataclasses
 import json
 import shlex
+from types import SimpleNamespace
 
 import jsonschema
 import pytest
 
 import gmwm
+from gmwm.applications.app.page import numbers
 from gmwm.applications.app.session import EMPTY, FORMAT, VERSION, Session, python_lines, shell_lines
 from gmwm.base.errors import GmwmError, ModelError, OptionError, ReadError
 from gmwm.cli.main import app
@@ -133,3 +135,16 @@ def test_a_session_that_is_no_utf_8_is_one_error(tmp_path):
     path.write_bytes(b"\xff\xfe{}")
     with raises(ReadError, code="not-text"):
         Session.load(path)
+
+
+def test_the_numbers_for_a_horizon_are_those_of_the_files(tmp_path):
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=1e-6) + GM(beta=0.02, sigma2=1e-9)"}, rate=100.0, samples=60_000, rng=5)
+    found = gmwm.calibrate(imu, within="GM + WN + RW")
+    assert found.datasheets["gyro_x"]["K"].upper_only
+    job = SimpleNamespace(state="done", value=found, join=lambda _: None)
+    for horizon in (1.0, 10.0):
+        session = Session(file="a.csv", horizon=horizon, units="si")
+        shown = str(numbers._effective(session, SimpleNamespace(calibration=lambda _: job), 1000.0))
+        text = found.export(format="json", horizon=horizon)
+        walk = json.loads(text)["axes"]["gyro_x"]["filter"]["K"]["value"]
+        assert f"≤ {walk:.4g} rad" in shown

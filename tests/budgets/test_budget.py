@@ -225,6 +225,7 @@ def fits():
     return {"gyro_x": gmwm.fit("WN + GM", gmwm.Signal(x, RATE, "rad/s", "gyro_x"))}
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_drawn_parameters(fits):
     fit = fits["gyro_x"]
     found = budget(fits, 60.0, level=0.9)["tilt_x"]

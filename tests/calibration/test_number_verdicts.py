@@ -28,6 +28,7 @@ def trend(left):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_k_of_a_recording_that_is_still_warming_up_is_a_bound():
     rng, n, rate = np.random.default_rng(41), 90_000, 50.0
     walk = np.cumsum(rng.normal(0, 1e-5, n)) / math.sqrt(rate)

@@ -9,6 +9,7 @@ import gmwm
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.recording.signals import Imu, Signal
+from gmwm.showing.reports.verdict import recording_facts
 from tests.helpers import code_of, only
 
 RATE, SAMPLES = 20.0, 40_000
@@ -77,12 +78,34 @@ def test_a_large_warm_up_is_left_out(tmp_path):
     assert "warm-up" not in {remark.code for remark in calibrated(0.0, "WN + RW").remarks}
 
 
+@pytest.mark.slow
+def test_axes_of_different_length_are_named_alike_in_every_document():
+    rng = np.random.default_rng(8)
+    lost = rng.random(SAMPLES) < 0.01
+    lost[0] = False
+    values = {"gyro_x": 2e-3 * np.exp(-AT / 100.0), "gyro_y": np.zeros(SAMPLES)}
+    imu = Imu({
+        axis: Signal.from_missing(np.where(lost, np.nan, x + 1e-3 * rng.normal(size=SAMPLES)), RATE, "rad/s", axis)
+        for axis, x in values.items()
+    })  # fmt: skip
+    found = gmwm.calibrate(imu, within="WN + RW")
+    short, long = (wv.samples - wv.filled for wv in (found[axis].wavelet_variance for axis in values))
+    assert short < long
+    assert f"{short} to {long} samples" in found.summary()
+    assert "on 1 of 2 axes (warm-up)" in " ".join(found.summary().split())
+    assert dict(recording_facts(found)["facts"])["Length"].startswith(f"{short} to {long} samples")
+    assert f"{short} to {long} samples" in found.export(format="csv")
+    filled = {remark.subject: remark.facts["count"] for remark in found.remarks if remark.code == "gaps-filled"}
+    assert filled["gyro_x"] < filled["gyro_y"]
+
+
 def test_a_slow_warm_up_limits_k():
     # 300 s is longer than the scales at which a misfit affects K, but the warm-up also raises K at shorter scales.
     found = calibrated(5e-2 * np.exp(-AT / 600.0), "WN + RW")
     assert found.number_verdicts["gyro_x"]["K"].usability is not Usability.USE
 
 
+@pytest.mark.slow
 def test_an_offset_of_an_accelerometer_is_a_bias():
     rng = np.random.default_rng(2)
     means = np.array([0.08, -0.06, 0.9]) * STANDARD_GRAVITY
@@ -130,6 +153,7 @@ def test_parts_with_an_offset_of_20_sd_do_not_end_in_advice_that_does_not_fit():
     assert {"recording-moved", "no-test"} <= {remark.code for remark in found.remarks}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["decay", "sine"])
 def test_signals_without_noise_are_calibrated_and_not_to_be_used(shape):
     t = np.arange(100_000) / 100.0

@@ -52,6 +52,7 @@ def test_a_gap_makes_no_term_more_precise():
     assert gaps.value > 1.5 * whole.value
 
 
+@pytest.mark.slow
 def test_the_mean_square_of_the_bias_is_that_of_simulated_walks():
     fit = exact_fit("WN(sigma2=4e-6) + RW(gamma2=4e-10)")
     walks = np.cumsum(np.random.default_rng(1).normal(0, 2e-5, (2000, 3000)), axis=1)

@@ -45,14 +45,14 @@ def recognised(text, scales, recordings, least):
 
 @pytest.mark.slow
 def test_the_least_number_of_scales_is_that_at_which_white_noise_is_recognised():
-    assert not recognised(WHITE, LEAST_SCALES - 1, 60, least=57)
-    assert recognised(WHITE, LEAST_SCALES, 60, least=57)
+    assert not recognised(WHITE, LEAST_SCALES - 1, 40, least=38)
+    assert recognised(WHITE, LEAST_SCALES, 40, least=38)
 
 
 @pytest.mark.slow
 def test_two_terms_are_recognised_from_the_scales_that_a_usable_calibration_needs():
-    assert not recognised(TWO, LEAST_SCALES_FOR_USE - 1, 40, least=24)
-    assert recognised(TWO, LEAST_SCALES_FOR_USE, 40, least=27)
+    assert not recognised(TWO, LEAST_SCALES_FOR_USE - 1, 30, least=18)
+    assert recognised(TWO, LEAST_SCALES_FOR_USE, 30, least=20)
 
 
 @pytest.mark.parametrize("samples", [9, 63])

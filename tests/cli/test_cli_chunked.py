@@ -50,8 +50,6 @@ def test_calibrate(gmwm, file):
 
 @pytest.mark.slow
 def test_worker_processes(gmwm, file):
-    arguments = ("wv", file, "--robust")
-    assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
     arguments = ("calibrate", file, "--within", "WN + RW", "--axis", "accel")
     assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
 

@@ -81,6 +81,7 @@ def test_parts_at_one_condition_are_joined_in_order(turned):
     assert table.parts == {0.0: [(0.0, 40.0), (150.0, 190.0)], 50.0: [(45.0, 95.0)], 100.0: [(100.0, 145.0)]}
 
 
+@pytest.mark.slow
 def test_a_condition_that_moves(gmwm, tmp_path):
     rng, t = np.random.default_rng(2), np.arange(30_000) / 100
     rate = 100 * np.abs((t / 100) % 2 - 1)

@@ -18,6 +18,7 @@ def recording(tmp_path_factory):
 SHEET = "gyro: N=0.76872deg/√h, K=553.4deg/h/√h"
 
 
+@pytest.mark.slow
 def test_a_line_for_each_axis(gmwm, recording, tmp_path):
     outcome = gmwm("consistency", SHEET, recording, "--plot", tmp_path / "c.png")
     assert outcome.code == 0, outcome.err
@@ -36,6 +37,7 @@ def test_json(gmwm, recording):
     assert axis["errors"][0]["ratio"] < 0.7 < axis["nis"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [(["--horizons", "soon"], "--horizons"), (["--filter", "markov"], "filter"), (["--axis", "accel_x"], "accel_x")],

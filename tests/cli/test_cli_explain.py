@@ -1,9 +1,12 @@
 """gmwm explain: what a message means and what to do."""
 
+import pytest
+
 from gmwm.base.remarks import messages
 from tests.helpers import each
 
 
+@pytest.mark.slow
 @each("code", messages())
 def test_every_message_is_explained(gmwm, code):
     outcome = gmwm("explain", code)

@@ -166,6 +166,7 @@ def test_an_accuracy_in_per_cent(gmwm):
         ),
         ((MODEL, "--axis", "gyro_x", "--rate", 100, "--duration", "2h"), ["--axis", "--from-fits"]),
         ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.7), ["accuracy", "0.7"]),
+        (("FITS", "--rate", 100, "--duration", "2h"), ["MODEL", "--from-fits"]),
         (("GM + WN", "--rate", 100, "--duration", "2h"), ["GM.beta, GM.sigma2, WN.sigma2"]),
     ],
 )

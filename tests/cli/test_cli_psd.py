@@ -36,7 +36,7 @@ def test_tables(gmwm, vibrating):
     (row,) = [line for line in outcome.out.splitlines() if "gyro_x" in line]
     assert float(row.split()[1]) == pytest.approx(7.3, abs=0.01)
     assert "gyro_y" not in outcome.out
-    assert "No bumps" in outcome.out
+    assert "No broad peaks" in outcome.out
 
 
 @pytest.mark.slow

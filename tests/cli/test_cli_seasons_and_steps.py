@@ -21,9 +21,10 @@ def _series(seed):
     noise = np.fft.irfft(np.fft.rfft(response, 2 * DAYS) * np.fft.rfft(shocks, 2 * DAYS))[:DAYS]
     turn = 2 * np.pi * t / YEAR
     effect = 3.65 * t / YEAR - np.cos(turn) + 3 * np.sin(turn) + 8.0 * (t >= 2000)
-    present = np.ones(DAYS, dtype=bool)
-    for k in range(1, DAYS):  # a Markov chain with gaps of four days on average
-        present[k] = rng.random() > 0.18 / 0.82 / 4 if present[k - 1] else rng.random() < 0.25
+    chain = [True]
+    for share in rng.random(DAYS - 1).tolist():  # a Markov chain with gaps of four days on average
+        chain.append(share > 0.18 / 0.82 / 4 if chain[-1] else share < 0.25)
+    present = np.array(chain)
     present[1990:2012] = False
     present[-1] = True
     return effect + noise + 2.0 * rng.standard_normal(DAYS), present
@@ -42,14 +43,14 @@ def series(tmp_path_factory):
 @pytest.mark.slow
 def test_coefficients_are_covered():
     inside = dict.fromkeys(TRUTH, 0)
-    for seed in range(100, 130):
+    for seed in range(100, 120):
         values, present = _series(seed)
         signal = library.Signal.from_missing(np.where(present, values, np.nan), rate=1 / 86400)
         regression = library.fit("WN + FN", signal, against="time + season:1y + step:2000d").regression
         for name, value in TRUTH.items():
             low, high = regression[name].interval()
             inside[name] += low < value < high
-    assert min(inside.values()) >= 26  # binomial (30, 0.95): below with a probability of 0.3 %
+    assert min(inside.values()) >= 16  # binomial (20, 0.95): below with a probability of 0.3 %
 
 
 @pytest.mark.slow
@@ -97,6 +98,7 @@ def test_other_commands_take_them_too(gmwm, series, command):
     assert gmwm(command, series, *OPTIONS[:2], *within, "--against", "time", "--against", "season:1y").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -127,6 +129,7 @@ def test_a_fit_comes_back_with_its_season_and_step():
     assert fit.regression.plot().axes[0].get_xlabel() == "Time (h)"
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_averaged_over_blocks_and_read_in_chunks(gmwm, tmp_path):
     rng = np.random.default_rng(5)
     t = np.arange(40_000) / 10

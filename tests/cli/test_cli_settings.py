@@ -23,6 +23,7 @@ def project(tmp_path, monkeypatch):
 SETTINGS = 'rate = 50\nunits = { gyro = "deg/s" }\ncolumns = ["gyro_x", "gyro_y", "gyro_z"]\n'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "text"),
     [

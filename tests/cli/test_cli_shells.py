@@ -1,9 +1,6 @@
 """Completion in shells, and the manual page."""
 
-import os
 import re
-import subprocess
-import sys
 
 import pytest
 
@@ -11,24 +8,27 @@ from gmwm.cli.main import NAMES
 from gmwm.showing.exporters import export_formats
 
 
-def completed(shell, line):
-    """What a shell proposes for the last word of a line."""
-    words = line.split(" ")
-    variables = {
-        "_GMWM_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": line, "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words) - 1), "_TYPER_COMPLETE_WORD_TO_COMPLETE": words[-1],
-        "_TYPER_COMPLETE_FISH_ACTION": "get-args",
-    }  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, "-m", "gmwm"], env=os.environ | variables, capture_output=True, text=True, encoding="utf-8"
-    )
-    assert done.stderr == ""
-    return done.stdout
+@pytest.fixture
+def completed(forks, tmp_path):
+    """A function: what a shell proposes for the last word of a line."""
+
+    def proposed(shell, line):
+        words = line.split(" ")
+        variables = {
+            "_GMWM_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": line, "COMP_WORDS": line,
+            "COMP_CWORD": str(len(words) - 1), "_TYPER_COMPLETE_WORD_TO_COMPLETE": words[-1],
+            "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+        }  # fmt: skip
+        done = forks.run("tests.forked:gmwm", folder=tmp_path, **variables)
+        assert done.stderr == ""
+        return done.stdout
+
+    return proposed
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
-def test_a_shell_completes_commands_and_options(shell):
+def test_a_shell_completes_commands_and_options(completed, shell):
     proposed = completed(shell, "gmwm ca")
     assert "calibrate" in proposed
     assert "simulate" not in proposed
@@ -36,7 +36,7 @@ def test_a_shell_completes_commands_and_options(shell):
 
 
 @pytest.mark.slow
-def test_names_of_formats_and_messages_are_completed():
+def test_names_of_formats_and_messages_are_completed(completed):
     formats = [name for name in export_formats() if name.startswith("k")]
     assert completed("bash", "gmwm export --format k").split() == formats
     assert "warm-up" in completed("bash", "gmwm explain warm").split()

@@ -53,7 +53,7 @@ CASES = {
 
 
 @pytest.mark.slow
-@each("samples", [64, 333])
+@each("samples", [64, 200])
 @each("name", CASES)
 def test_against_the_definition(name, samples):
     model, parts, *rest = CASES[name]

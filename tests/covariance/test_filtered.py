@@ -117,6 +117,7 @@ def test_haar_is_that_of_the_closed_forms(efficiency):
     assert_close(filtered.covariance(model, at), gaussian.covariance(model, at), 1e-6 if efficiency else 1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("filter", ["haar", "d4", "la8", "fk8"])
 def test_lags_apart_will_do(name, filter, monkeypatch):

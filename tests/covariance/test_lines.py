@@ -1,5 +1,7 @@
 """The covariance of a wavelet variance with sinusoids, against matrices, all phases, and simulation."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.transform import deepest_level
 from gmwm.measuring.variance.transform import variances as measured
 from gmwm.theory.filters import find_filter
-from gmwm.theory.processes import SIN, Model
+from gmwm.theory.processes import MAT, SIN, Model
 from tests.helpers import each, raises
 
 RATE = 100.0
@@ -94,6 +96,22 @@ def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):
     found, expected = (v / np.outer(size, size) for v in (covariance(model, at), exact))
     # Little: a fit asks for standard errors, the half of it, and at a record of 2^14 samples and more it is less.
     np.testing.assert_allclose(found, expected, atol=2e-2)
+
+
+def test_the_spectrum_of_a_long_recording_needs_the_memory_of_its_noise_alone():
+    matern = MAT(sigma2=1.0, beta=3.0, nu=1.5)
+    reach = matern.memory(RATE)
+    lags = np.arange(-1, 40 * reach)
+    known = type(matern).standard(matern.nonlinear).generalised_covariance(lags, RATE)
+    difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
+    turns = np.cos(2 * np.pi * 0.1 * np.arange(difference.size))
+    expected = (2 * difference @ turns - difference[0]) / (4 * np.sin(0.1 * np.pi) ** 2)
+    tracemalloc.start()
+    density = lines._density(matern + DR(0.02), [0.1], design(2**24))
+    largest = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_allclose(density, expected, rtol=1e-9)
+    assert largest < 2**23  # all lags would need 2^27 bytes
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ def design(lengths, filter="haar", transform="modwt", efficiency=None, levels=No
     return as_design(lengths, RATE, levels, filter, transform, efficiency)
 
 
-def scores(model, how, draws=10_000):
+def scores(model, how, draws=6000):
     """Standard errors between the covariance of simulated recordings and the exact one, of all pairs of levels."""
     rows = simulated_variances(as_model(model), how, draws, seed=1)
     centred = rows - rows.mean(axis=0)

@@ -69,6 +69,7 @@ def double_sum(covariance, levels, samples, slope, weights):
     return v
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_random_models_against_the_double_sum(seed):
     model, covariance, samples, slope = random_model(seed)
@@ -77,6 +78,7 @@ def test_random_models_against_the_double_sum(seed):
     np.testing.assert_allclose(wavelet_covariance(model, samples, RATE), expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.95])
 @pytest.mark.parametrize("seed", range(4))
 def test_robust_against_the_double_sum(seed, efficiency):

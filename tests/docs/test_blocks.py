@@ -4,7 +4,6 @@ And what they show as printed is what is printed then; `shown` says how near.
 """
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,14 +41,6 @@ class Run(NamedTuple):
 
     def printed(self) -> dict[str, str]:
         return json.loads((self.place / pages.PRINTED).read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def forks() -> Iterator[Forks]:
-    """A process that runs pages."""
-    forks = Forks.new()
-    yield forks
-    forks.close()
 
 
 @pytest.fixture(scope="module")

@@ -70,7 +70,7 @@ def test_a_larger_order_never_fits_worse():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["AR(2) + 2*GM + RW", "ARMA(2,1) + GM + RW", "MA(2) + GM + RW", "AR(2) + MA(1) + GM"])
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [1])
 def test_descents_that_are_not_followed_lead_nowhere(model, seed):
     rng = np.random.default_rng(seed)
     r, w = rng.uniform(0.5, 0.97), rng.uniform(0.05, 2.8)

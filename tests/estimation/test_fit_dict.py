@@ -127,6 +127,7 @@ def test_a_curve_has_one_number_for_each_level(fits, name, change):
         Fit.from_dict({**values, "wavelet_variance": {**curve, name: change(curve[name])}})
 
 
+@pytest.mark.slow
 @each("number", [1e308, -1e200, 10**400])
 @each("name", ["model_error", "rate", "variance", "samples", "filled", "rise"])
 def test_a_number_whose_square_overflows_is_refused(fits, name, number):

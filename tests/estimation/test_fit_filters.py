@@ -57,7 +57,7 @@ def test_limits_cover_as_often_as_they_say(name, transform):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["haar", "d4", "la8", "fk8", "mb8", "bl14"])
+@pytest.mark.parametrize("name", ["haar", "la8", "mb8"])
 def test_a_fit_to_exact_theory_finds_the_truth(name):
     wv = WaveletVariance.from_values(TRUTH.wavelet_variance(13, RATE, name), samples=10**6, rate=RATE, filter=name)
     found = gmwm.fit("GM + WN + RW + QN", wv)
@@ -74,7 +74,7 @@ def test_a_fit_to_exact_theory_finds_the_truth(name):
 def test_a_fit_to_data_finds_the_truth_within_its_scatter(name, transform):
     truth = WN(sigma2=4e-6) + RW(gamma2=1e-9)
     estimates = []
-    for seed in range(24):
+    for seed in range(16):
         x = truth.simulate(6000, RATE, seed)
         found = gmwm.fit("WN + RW", wavelet_variance(x, RATE, filter=name, transform=transform))
         estimates.append(list(found.parameters.values()))

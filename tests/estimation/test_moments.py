@@ -55,7 +55,7 @@ def test_standard_errors_are_near_those_of_maximum_likelihood(model, before):
 @pytest.mark.slow
 def test_intervals_and_tests_hold_in_simulated_recordings():
     inside, pvalues = [], []
-    for seed in range(30):
+    for seed in range(20):
         fit = gmwm.fit("MA(1)", recording("MA(1)", 500, seed), moments="haar + lags:4")
         low, high = fit.confidence_intervals()["MA(1).theta1"]
         inside.append(low <= 0.6 <= high)
@@ -92,6 +92,7 @@ def test_other_weights_and_random_starts_are_possible():
         assert fit.parameters["MA(1).theta1"] == pytest.approx(0.6, abs=0.1)
 
 
+@pytest.mark.slow
 def test_gaps_and_several_recordings():
     x = recording("MA(2)", 12_000, 4)
     x[np.random.default_rng(1).random(x.size) < 0.02] = np.nan
@@ -104,6 +105,7 @@ def test_gaps_and_several_recordings():
         assert fit.goodness_of_fit().pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_results_can_be_stored_and_drawn():
     fit = gmwm.fit("MA(2)", recording("MA(2)", 2000, 1), moments="haar + lags:3,5")
     assert fit.wavelet_variance.levels.tolist() == [-5, -3, *range(1, 11)]

@@ -138,6 +138,7 @@ def test_texts_from_elsewhere_stay_in_the_head(units, format):
     assert not any(line.endswith("\\") for line in text.splitlines())
 
 
+@pytest.mark.slow
 @each("format", sorted(CONSUMERS))
 def test_files_name_a_recording_without_its_folders(units, format):
     """A file that is handed on shows the name and the SHA-256 of a recording, and not where it was stored."""

@@ -69,7 +69,8 @@ def test_quality_is_loss_and_claim(units):
 
 def test_the_file_states_them_and_names_the_remedy(units):
     text = words(units["gauss-markov"].export())
-    found = re.search(r"Gyroscopes, 1/10/60 s: error / full model's (.*?); stated / real (.*?)\. ", text)
+    assert "Predictions over 1, 10, 60 s: error over the full model's; stated over real error" in text
+    found = re.search(r"Gyroscopes: error (.*?); stated (.*?); right", text)
     axes = [axis_of(units["gauss-markov"], f"gyro_{k}") for k in "xyz"]
     # The ratios are those of the values in the file, for each axis, and not those of each axis with its own N and K.
     white, walk = (max(getattr(axis, symbol).value for axis in axes) for symbol in "NK")
@@ -82,7 +83,7 @@ def test_the_file_states_them_and_names_the_remedy(units):
         assert (ends[0], ends[-1]) == pytest.approx((min(claims), max(claims)), abs=0.006)
     assert "-" in found[2]
     # The truth of the worst axis, and a filter with it states its error.
-    bias = re.search(r"Gyroscopes: N and K hold .*? or N (\S+), sigma (\S+), T (\S+) s \((\w+)\)\.", text)
+    bias = re.search(r"right up to .*? use N (\S+), sigma (\S+), T (\S+) s \((\w+)\)\.", text)
     fit = units["gauss-markov"].axes[bias[4]].fit
     (term,) = (process for process in fit.model.processes if process.name == "GM")
     assert float(bias[2]) == pytest.approx(math.sqrt(term.value("sigma2")), rel=0.03)
@@ -94,18 +95,18 @@ def test_the_file_states_them_and_names_the_remedy(units):
 @pytest.mark.parametrize(
     ("times", "sentence"),
     [
-        ((1.0, 10.0), "Gyroscopes: N and K hold up to 10 s; beyond, set the horizon"),
-        ((1.0, 200.0), "N and K hold up to 200 s (gyroscopes), 200 s (accelerometers): the smallest stated / real"),
-        ((10.0, 300.0), "Gyroscopes: N and K hold from 10 s up to 300 s."),
-        ((10.0, math.inf), "Gyroscopes: N and K hold from 10 s."),
-        ((math.inf, math.inf), "Gyroscopes: this ratio leaves 0.8 to 1.3 at all times."),
+        ((1.0, 10.0), "; right up to 10 s. For longer predictions, set the horizon"),
+        ((1.0, 200.0), "; right up to 200 s. Accelerometers"),
+        ((10.0, 300.0), "; right from 10 s up to 300 s. Acc"),
+        ((10.0, math.inf), "; right from 10 s. Acc"),
+        ((math.inf, math.inf), "; right at no time. Acc"),
         ((1.0, math.inf), ""),
     ],
 )
 def test_the_file_says_at_which_times_the_numbers_hold(units, monkeypatch, times, sentence):
     monkeypatch.setattr("gmwm.showing.exporters.quality.true_times", lambda *_: times)
     text = words(units["quantized"].export())
-    assert ("N and K hold" in text) == ("hold" in sentence)
+    assert ("; right" in text) == ("; right" in sentence)
     assert sentence in text
 
 
@@ -147,9 +148,13 @@ def test_a_loss_of_20_per_cent_over_a_minute_advises_more_states(units, monkeypa
 
 def test_inflated_numbers_have_the_same_quality(units):
     plain, inflated = (
-        [line for line in words(units["quantized"].export(inflation=x)).split(". ") if "1/10/60 s" in line]
+        [
+            line
+            for line in words(units["quantized"].export(inflation=x)).split(". ")
+            if re.match("Predictions over|Gyroscopes: error|Acc.*: error", line)
+        ]
         for x in (1.0, 10.0)
     )
-    assert plain == [line.replace(" before inflation", "") for line in inflated]
-    assert " before inflation" in inflated[0]
+    assert plain == [line.replace(", before inflation", "") for line in inflated]
+    assert ", before inflation" in inflated[0]
     assert Number(1.0, False).scaled(2.0) == Number(2.0, False)

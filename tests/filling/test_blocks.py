@@ -131,10 +131,9 @@ def test_a_calibration_is_the_same_from_memory_and_from_chunks(tmp_path, monkeyp
     Imu({x.axis: x for x in recording(6)}).write(tmp_path / "a.csv")
     expected = gmwm.calibrate(gmwm.read(tmp_path / "a.csv"), within="WN + RW")
     assert "gaps-filled:filled" in {code_of(remark) for remark in expected.recording_remarks}
-    for size, chunk in ((1 << 21, 501), (7000, 100_000)):
-        monkeypatch.setattr(batches, "BATCH_SAMPLES", size)
-        found = gmwm.calibrate(gmwm.stream(tmp_path / "a.csv", chunk=chunk), within="WN + RW")
-        assert found.to_dict() == expected.to_dict()
+    monkeypatch.setattr(batches, "BATCH_SAMPLES", 7000)
+    found = gmwm.calibrate(gmwm.stream(tmp_path / "a.csv", chunk=501), within="WN + RW")
+    assert found.to_dict() == expected.to_dict()
 
 
 @pytest.mark.slow

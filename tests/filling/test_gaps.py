@@ -105,13 +105,13 @@ def test_limits_degrees_of_freedom_and_covariance_include_the_loss():
 def test_scatter_of_estimates_is_that_of_the_covariance():
     rng = np.random.default_rng(7)
     rows, n, share = [], 2048, 0.1
-    for _ in range(500):
+    for _ in range(250):
         x = rng.normal(size=n)
         x[20:-20][rng.random(n - 40) < share] = np.nan
         wv = gmwm.wavelet_variance(Signal.from_missing(x, RATE), levels=6)
         rows.append(wv.variance)
     ratio = np.var(rows, axis=0) / np.diag(covariance(as_model("WN(sigma2=1.0)"), Design.of(wv)))
-    assert np.all(np.abs(ratio - 1) < 4 * np.sqrt(2 / 500))
+    assert np.all(np.abs(ratio - 1) < 4 * np.sqrt(2 / 250))
     assert np.mean(rows, axis=0) == pytest.approx(0.5 ** np.arange(1, 7), rel=0.02)
 
 

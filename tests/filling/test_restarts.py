@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import Imu, Signal
@@ -19,10 +20,8 @@ def white(rng):
 def wandering(rng):
     """White noise, a Gauss-Markov process of 2 s, and a random walk."""
     pulls = 0.05 * rng.normal(size=N)
-    markov = np.empty(N)
-    markov[0] = 0.0
-    for k in range(1, N):
-        markov[k] = 0.995 * markov[k - 1] + pulls[k]
+    pulls[0] = 0.0
+    markov = lfilter([1.0], [1.0, -0.995], pulls)
     return rng.normal(size=N) + markov + np.cumsum(2e-3 * rng.normal(size=N))
 
 

@@ -89,7 +89,7 @@ def test_ctrl_c_ends_the_processes(few, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fleet(few, tmp_path / "out", within=WITHIN, workers=2, progress=interrupt)
     assert active_children() == before
-    found = fleet(few, tmp_path / "out", within=WITHIN, workers=2)
+    found = fleet(few, tmp_path / "out", within=WITHIN, workers=0)
     assert (found.kept, found.done) == (1, 5)
 
 

@@ -62,10 +62,10 @@ def test_units_with_lost_samples_have_the_calibrations_of_calibrate(tmp_path):
     """Single samples, bursts, and gaps that stay; from memory and in chunks, as `calibrate` measures each alone."""
     folder = tmp_path / "lossy"
     folder.mkdir()
-    for unit in range(3):
+    for unit in range(2):
         rng = np.random.default_rng(unit)
         times = np.arange(6_000) / 100.0
-        kept = rng.random(times.size) > (0.001, 0.01, 0.05)[unit]
+        kept = rng.random(times.size) > (0.001, 0.05)[unit]
         kept[2500:2520] = False
         kept[4000 : 4000 + 300 * unit] = False
         x = rng.normal(size=(times.size, 2)) + np.cumsum(0.01 * rng.normal(size=(times.size, 2)), axis=0)
@@ -86,4 +86,4 @@ def test_units_with_lost_samples_have_the_calibrations_of_calibrate(tmp_path):
         codes = {code_of(remark) for remark in found[unit].recording_remarks}
         assert "gaps-filled:filled" in codes
         assert ("gaps" in codes) == (unit != "0.csv")
-    assert found.table.height == 6
+    assert found.table.height == 4

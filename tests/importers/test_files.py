@@ -131,6 +131,9 @@ def test_unknown_and_incomplete_files(tmp_path):
     (tmp_path / "c").write_text("gyroscope_noise_density: soon\ngyroscope_random_walk: 1\n")
     with pytest.raises(ReadError):
         given_noise(tmp_path / "c", 100.0)
+    (tmp_path / "d").write_text('{"format": "gmwm-calibration", "version": 2}\n')
+    with raises(ReadError, "a result of gmwm", "from_fits"):
+        given_noise(tmp_path / "d", 100.0)
 
 
 def test_a_number_that_is_missing_is_not_invented():
@@ -253,6 +256,7 @@ ALIASES = "a: &a [x, x]\n" + "".join(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", [ALIASES, "a: &a [[*a]]\n", "[" * 10_000, "".join(f"{' ' * k}a:\n" for k in range(1200))]
 )

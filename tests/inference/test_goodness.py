@@ -37,10 +37,10 @@ def test_p_is_uniform_when_the_model_is_right(weighting):
         gmwm.fit("WN + RW", truth.simulate(16_384, RATE, seed), RATE, weighting=weighting, certify=False)
         .goodness_of_fit()
         .pvalue
-        for seed in range(250)
+        for seed in range(150)
     ]
     assert kstest(p, "uniform").pvalue > 1e-3
-    assert np.mean(np.array(p) < 0.05) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 250)
+    assert np.mean(np.array(p) < 0.05) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 150)
 
 
 def test_a_missing_term_is_found():

@@ -112,7 +112,7 @@ def test_scales_with_the_model(power):
 def test_mean_is_the_models_wavelet_variance(text, options):
     model = Model.parse(text)
     whole = design(512, levels=np.arange(1, 6), **options)
-    rows = simulated_variances(model, whole, 2000, seed=7)
+    rows = simulated_variances(model, whole, 1000, seed=7)
     expected = model.wavelet_variance(whole.levels, whole.rate, whole.filter)
     assert np.all(np.abs(standard_errors(rows, expected)) < 4)
 

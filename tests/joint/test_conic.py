@@ -74,6 +74,7 @@ def reference(design, target, cone):
     return float(np.sum((unit @ s - y) ** 2)) * float(target @ target)
 
 
+@pytest.mark.slow
 @each("seed", range(50))
 def test_the_optimum_is_that_of_another_solver(seed):
     design, target, cone = problem(seed)

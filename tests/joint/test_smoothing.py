@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import Imu, Signal
@@ -16,10 +17,9 @@ def recorded(seed, n):
     rng = np.random.default_rng(seed)
     root = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [-0.3, 0.2, 0.9]])
     x = rng.normal(size=(3, n)) + np.cumsum(0.1 * root @ rng.normal(size=(3, n)), axis=1) + [[5.0], [-2.0], [0.0]]
-    phi, slow = np.exp(-2.0 / RATE), np.empty(n)
-    slow[0] = rng.normal()
-    for k in range(1, n):
-        slow[k] = phi * slow[k - 1] + np.sqrt(1 - phi**2) * rng.normal()
+    phi, shocks = np.exp(-2.0 / RATE), rng.normal(size=n)
+    shocks[1:] *= np.sqrt(1 - phi**2)
+    slow = lfilter([1.0], [1.0, -phi], shocks)
     return dict(zip(AXES, x + np.outer([1.0, -0.5, 0.8], slow), strict=True))
 
 

@@ -99,7 +99,7 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@settings(derandomize=True, max_examples=45, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(derandomize=True, max_examples=32, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     fault=st.sampled_from(sorted(FAULTS)), clock=st.sampled_from(sorted(CLOCKS)), form=st.sampled_from(sorted(TEXTS)),
     end=st.sampled_from(["\n", "\r\n"]),

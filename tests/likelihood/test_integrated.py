@@ -47,7 +47,7 @@ def test_the_fit_is_that_of_the_differences_and_the_forecast_that_of_the_recursi
 @pytest.mark.slow
 def test_intervals_of_a_seasonal_forecast_contain_the_series():
     inside = []
-    for seed in range(16):
+    for seed in range(10):
         x = airline(348, seed)
         result = fit_arima("SARMA(0, 1, 0, 1, 12)", x[:324], 1.0, seasonal=(1, 12))
         low, high = result.predict(24).band()

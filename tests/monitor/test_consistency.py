@@ -131,6 +131,7 @@ def test_intervals_cover() -> None:
     assert ratios[2] > 1.3
 
 
+@pytest.mark.slow
 def test_forms_of_a_calibration() -> None:
     """N and K are those of the datasheet, and the Gauss-Markov bias that of the exported files."""
     imu = gmwm.Imu({"gyro_x": signal(noise(8, 60_000, white=1e-3, walk=2e-5))})

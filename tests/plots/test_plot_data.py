@@ -182,6 +182,14 @@ def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
     assert figure.labels == ("Allan deviation", "95 % limits, any noise")
 
 
+def test_axes_of_different_length_share_the_scales_of_the_longest(six):
+    signal = gmwm.Signal(np.random.default_rng(3).normal(size=4096), 100.0, "rad/s", "gyro_x")
+    figure = description(plot_imu)(six | {"gyro_x": gmwm.wavelet_variance(signal)})
+    assert len({panel.x.limits for panel in figure.panels}) == 1
+    assert all(panel.x.opposite for panel in figure.rows[0])
+    assert not any(panel.x.opposite for panel in figure.rows[1])
+
+
 def looks(panel):
     """The stroke of every term of a panel; several terms that look alike share an entry."""
     lines = [line for line in panel.lines if line.layer == ABOVE and line.label]

@@ -57,6 +57,7 @@ def pooled():
     return gmwm.fit("WN", pool(curves)).replicates
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["noise", "agreement", "fleet", "conditions", "pooled"])
 def test_every_answer_has_tests_of_one_form(kind, request):
     result = request.getfixturevalue(kind)

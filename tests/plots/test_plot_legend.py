@@ -47,8 +47,7 @@ def height_of_panel(picture):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("view", ["wavelet", "allan"])
-@pytest.mark.parametrize("units", ["si", "datasheet"])
+@pytest.mark.parametrize(("view", "units"), [("wavelet", "si"), ("allan", "datasheet")])
 def test_many_terms(many, view, units):
     legend = assert_inside(plot_fit(many, view=view, units=units))
     assert {text.get_text().split(":")[0] for text in legend.get_texts()} >= {

@@ -304,6 +304,7 @@ def test_a_knock_does_not_flatten_the_other_samples():
     assert "beyond" not in panel.title
 
 
+@pytest.mark.slow
 def test_samples_of_findings_are_marked():
     rng, n = np.random.default_rng(3), 30_000
     noise = 1e-3 * rng.normal(size=(4, n))

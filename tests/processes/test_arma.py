@@ -52,6 +52,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @each("case", CASES)
 def test_shape_and_slopes_keep_their_digits_next_to_the_unit_circle(case):
     family, values = CASES[case]

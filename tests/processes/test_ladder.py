@@ -19,7 +19,14 @@ CLUSTERS = np.unique(np.round(np.geomspace(1, 2**LADDER_OCTAVES, 60)).astype(int
 
 def allan_variance(space, clusters):
     """By sums over the blocks of the state space, for any number of samples."""
-    return np.array([space._adjacent_difference(_StateBlock.of(space, int(n))) / (2 * n**2) for n in clusters])
+    values = []
+    for n in clusters:
+        block = _StateBlock.of(space, int(n))
+        # E(second block sum − first block sum)² of two adjacent blocks from t = 0 on.
+        start, weights = block.sum_of @ block.transition - block.sum_of, np.append(block.sum_of, -1.0)
+        noise = weights @ block.noise @ weights + block.noise[-1, -1]
+        values.append((start @ space.P0 @ start + noise + (start @ space.m0) ** 2) / (2 * n**2))
+    return np.array(values)
 
 
 def flicker_allan_variance(b2):

@@ -81,6 +81,7 @@ def haar(beta, p, level):
         return float((h + 2 * h * a0 - 3 * a1 - 2 * h * (b0 - a0) + (b1 - a1)) / (2 * mp.mpf(h) ** 2))
 
 
+@pytest.mark.slow
 @each("p", [0, 1, 2, 4, 9])
 @each("beta", [1e-8, 1e-4, 0.03, 0.7, 30.0])
 def test_down_to_level_twenty_five_at_half_integers(p, beta):

@@ -81,7 +81,7 @@ def test_n_and_k_leave_out_an_oscillation_slower_than_the_horizon():
     noise = "WN(sigma2=1e-6) + RW(gamma2=1e-14)"
     for frequency, added in ((0.2, 0.0), (20.0, 2e-6 / (20.0 * 2 * math.pi * 20.0))):
         model = f"{noise} + OSC(frequency=fixed({frequency}), quality=fixed(20.0), sigma2=1e-6)"
-        signal = gmwm.Signal(gmwm.Model.parse(model).simulate(2**18, RATE, rng=1), RATE, "rad/s")
+        signal = gmwm.Signal(gmwm.Model.parse(model).simulate(2**17, RATE, rng=1), RATE, "rad/s")
         n = gmwm.datasheets.effective_noise(gmwm.fit(model, gmwm.wavelet_variance(signal)))["N"].value
         assert n**2 == pytest.approx(1e-6 / RATE + added, rel=0.04)
 

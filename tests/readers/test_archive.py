@@ -181,6 +181,10 @@ def test_what_cannot_be_unpacked_and_what_holds_nothing(tmp_path):
         read(path)
     with raises(ReadError, "Metadata.csv, b.csv", advises=["columns="]):
         read(zipped(tmp_path, Metadata=METADATA, b="a,b\n1,2\n"))
+    workbook = path.with_suffix(".xlsx")
+    workbook.write_bytes(path.read_bytes())
+    with raises(ReadError, advises=["CSV"]):
+        read(workbook)
     path.write_bytes(b"PK\x03\x04 and nothing else")
     with raises(PackedError, code="incomplete"):
         read(path)

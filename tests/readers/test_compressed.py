@@ -30,7 +30,7 @@ def saved(folder, content, suffix, name="a.csv"):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", PACK)
-@pytest.mark.parametrize("block", [100, 8 << 20])
+@pytest.mark.parametrize("block", [500, 8 << 20])
 def test_the_same_numbers_packed(tmp_path, suffix, block, monkeypatch):
     monkeypatch.setattr(text, "BLOCK_BYTES", block)
     imu = read(saved(tmp_path, PACK[suffix](PLAIN), suffix))

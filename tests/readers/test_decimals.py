@@ -72,6 +72,7 @@ def test_commented_rows_are_counted(tmp_path):
     assert "left-out:commented" in codes(gmwm.stream(path).remarks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "size"),
     [("gps_sow,gps_ms", 3), ("epoch,millis", 3), ("frame.secs,frame.nsecs", 9),

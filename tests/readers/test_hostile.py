@@ -291,12 +291,10 @@ sys.exit(os.waitstatus_to_exitcode(os.wait()[1]))
 @pytest.mark.parametrize(
     ("before", "after", "code"),
     [
-        ("read .csv", "read .csv", 7),
         ("read .csv", "read .parquet", 7),
         ("read .csv", "read .npy", 0),
         ("read .parquet", "write .csv", 7),
         ("write .csv", "read .csv", 7),
-        ("write .parquet", "write .parquet", 7),
         ("use", "read .csv", 7),
         ("import", "read .csv", 0),
         ("read .npy", "write .csv", 0),

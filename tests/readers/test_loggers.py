@@ -231,6 +231,7 @@ def test_noon_and_midnight_on_a_clock_of_12_hours(tmp_path):
         assert imu["gyro_x"].start == pytest.approx(begin.hour * 3600 + 59 * 60 + 59)
 
 
+@pytest.mark.slow
 def test_a_broken_line_among_json_objects_states_its_line(tmp_path):
     lines = RECORDS[1].text().splitlines()
     lines[20] = lines[20][:30]
@@ -328,4 +329,11 @@ def test_the_only_bag_of_a_folder_is_read(tmp_path):
 def test_json_that_is_no_table_is_an_error(tmp_path, text, code):
     (path := tmp_path / "log.json").write_bytes(text)
     with raises(ReadError, code=code) if code != "no-time" else pytest.raises(ReadError):
+        gmwm.read(path)
+
+
+def test_a_result_of_gmwm_is_no_recording(tmp_path):
+    path = tmp_path / "calibration.json"
+    path.write_text('{\n "format": "gmwm-calibration",\n "version": 2\n}\n', encoding="utf-8")
+    with raises(ReadError, "a result of gmwm", advises=["recording"]):
         gmwm.read(path)

@@ -52,6 +52,7 @@ def joined(source):
     return values, tuple(itertools.pairwise(edges)), [chunk.start for chunk in begins]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", ["nan", "", "NA", "NaN", "-inf", "1e999", "null", "N/A"])
 def test_a_missing_value_is_a_gap(tmp_path, cell):
     with warns("samples-lost:axes", count=1, axes=("gyro_x",), without="gyro_x:none"):
@@ -237,6 +238,7 @@ def test_rows_of_other_messages_are_left_out(tmp_path, small_blocks):
     assert sum(map(len, stream(path))) == ROWS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stamped", [True, False])
 @pytest.mark.parametrize("kind", ["end", "beginning", "every third", "other rows"])
 def test_a_sensor_that_lacks_values_costs_the_others_nothing(tmp_path, small_blocks, kind, stamped):

@@ -48,7 +48,7 @@ def test_bytes_overwritten(tmp_path, container):
     path = one_file(tmp_path, container)
     whole = bytearray(path.read_bytes())
     random = np.random.default_rng(5)
-    for _ in range(60):
+    for _ in range(30):
         damaged = bytearray(whole)
         at = int(random.integers(0, len(whole)))
         damaged[at : at + 4] = random.bytes(4)

@@ -53,7 +53,7 @@ def same(one, other):
 @each("kind", KINDS)
 @each("lengths", [[3], [0], [3, 8], [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13]])
 def test_the_fast_path_equals_the_general_decoder(kind, way, lengths):
-    messages = serialised(kind, way, lengths)
+    messages = serialised(kind, way, lengths, count=20)
     definition = defined(kind, way)
     leaves = definition.leaves()
     assert len(leaves) >= 7

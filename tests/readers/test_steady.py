@@ -169,7 +169,7 @@ def test_lost_samples_of_a_rate_that_drifts_are_found(course, jitter):
 @each("size", [100, 1000, 20_000])
 @each("name", [name for name in STEADY if name not in ("a crystal that drifts", "jitter sorted")])
 def test_a_steady_rate_does_not_drift(name, size):
-    for seed in range(3):
+    for seed in range(2):
         stamps = STEADY[name](size, np.random.default_rng(seed))
         remarks = clock_of([stamps], "s", None)[0].remarks
         assert not any(remark.facts.get("case") == "drift" for remark in remarks), seed
@@ -191,7 +191,7 @@ def test_jitter_is_not_called_rounding():
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.005, 0.01])
 def test_a_live_clock_takes_rounded_stamps_row_by_row(step):
-    stamps = np.round(np.floor((np.arange(1500) / 137 + 0.0031) / step) * step, 3)
+    stamps = np.round(np.floor((np.arange(900) / 137 + 0.0031) / step) * step, 3)
     timing = base(stamps[:100])
     clock = RunningClock(Pace.of(stamps[:100], "s", timing))
     for row in range(stamps.size):

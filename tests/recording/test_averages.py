@@ -40,6 +40,7 @@ def test_the_noise_behind_a_steep_filter_is_averaged(length):
     assert verdict.usability.value == "use"
 
 
+@pytest.mark.slow
 def test_a_filter_with_a_memory_of_seconds_is_averaged_to_its_rate():
     x = _cic(128, 600_000)
     calibration = gmwm.calibrate(_imu(x))
@@ -90,6 +91,7 @@ def test_a_random_walk_and_one_pole_are_not_averaged():
         assert repaired(recording) == (recording,)
 
 
+@pytest.mark.slow
 def test_means_do_not_extend_across_gaps_and_do_not_depend_on_chunks(tmp_path):
     x = np.random.default_rng(2).normal(size=600_000)
     recording = _imu(x, segments=((0, 250_005), (250_005, 600_000)), starts=(0.0, 3000.0))

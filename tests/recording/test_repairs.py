@@ -187,6 +187,7 @@ def test_axes_that_repeat_at_different_times_are_divided():
     assert [(part.axes, x.size - len(part)) for part in parts] == [(("gyro_x",), 398), (("gyro_y",), 398)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [3, 4])
 @pytest.mark.parametrize("kind", ["white", "smooth", "walk"])
 def test_clean_text_with_few_digits_has_no_holds(digits, kind):

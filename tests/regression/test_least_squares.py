@@ -87,6 +87,7 @@ GAPS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("present", "whole"), GAPS, ids=["none", "one", "two"])
 @pytest.mark.parametrize("highest", [0.5, 0.125])
 @pytest.mark.parametrize("offsets", [False, True], ids=["joint", "offsets"])

@@ -5,6 +5,7 @@ All series are simulated with NumPy.
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import Imu, Signal
@@ -22,10 +23,7 @@ def reading_error(rng, seconds, sd=0.3):
     if seconds == 0:
         return sd * pulls
     decay = np.exp(-1 / (seconds * RATE))
-    error = np.empty(N)
-    error[0] = pulls[0]
-    for k in range(1, N):
-        error[k] = decay * error[k - 1] + np.sqrt(1 - decay**2) * pulls[k]
+    error = lfilter([np.sqrt(1 - decay**2)], [1.0, -decay], pulls)
     return sd * error
 
 
@@ -40,19 +38,19 @@ def recorded(seed, seconds):
 @pytest.mark.parametrize(("seconds", "most"), [(2.0, 0.3), (10.0, 0.4), (60.0, 0.8)])
 def test_an_error_that_is_correlated_in_time_has_a_remark(seconds, most):
     found = 0
-    for seed in range(6):
+    for seed in range(3):
         inspection = gmwm.inspect(recorded(seed, seconds), against="temperature")
         slope = inspection.regressions["gyro_x"]["temperature"].value / SLOPE
         assert slope < most
         if "conditions-attenuated" in codes(inspection.remarks):
             found += 1
             assert only(inspection.remarks, "conditions-attenuated", "gyro_x").facts["ratio"] < 1
-    assert found >= 5
+    assert found == 3
 
 
 @pytest.mark.parametrize("seconds", [None, 0])
 def test_an_exact_or_white_reading_has_none(seconds):
-    for seed in range(8):
+    for seed in range(4):
         inspection = gmwm.inspect(recorded(seed, seconds), against="temperature")
         assert inspection.regressions["gyro_x"]["temperature"].value == pytest.approx(SLOPE, rel=0.05)
         assert "conditions-attenuated" not in codes(inspection.remarks)

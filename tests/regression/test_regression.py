@@ -89,10 +89,10 @@ def test_the_corrected_curve_has_no_bias():
     rng = np.random.default_rng(5)
     ratios = []
     truth = gmwm.Model.parse("WN(sigma2=1) + RW(gamma2=1.6e-5)").wavelet_variance(14, 100.0)
-    for _ in range(60):
+    for _ in range(40):
         wv = fitted(noise(rng), {"temperature": TEMPERATURE}).wavelet_variance
         ratios.append(wv.variance[10:12] / truth[10:12])
-    mean, error = np.mean(ratios, axis=0), np.std(ratios, axis=0) / np.sqrt(60)
+    mean, error = np.mean(ratios, axis=0), np.std(ratios, axis=0) / np.sqrt(40)
     assert np.all(np.abs(mean - 1) < 3 * error)
 
 
@@ -217,6 +217,7 @@ def series_with_gaps(rng, walk=0.1):
     return gmwm.Signal.from_missing(np.where(present, values, np.nan), 1.0), columns, present
 
 
+@pytest.mark.slow
 def test_a_series_with_gaps_has_one_offset_and_the_precision_of_maximum_likelihood():
     signal, columns, present = series_with_gaps(np.random.default_rng(7))
     against = {name: column[present] for name, column in columns.items()}

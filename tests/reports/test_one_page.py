@@ -40,6 +40,7 @@ def test_cautions_are_three_of_two_sentences_and_a_count(calibration, monkeypatc
     assert cautions[MOST:] == ["2 more cautions are in the report."]
 
 
+@pytest.mark.slow
 def test_the_column_of_the_bias_is_left_out_without_one(calibration):
     axes = {axis: dataclasses.replace(found, rest=None) for axis, found in calibration.axes.items()}
     data = one_page_data(dataclasses.replace(calibration, axes=axes))

@@ -14,18 +14,18 @@ from tests.spectrum.recordings import RATE, RESONANCES, SMOOTH, line, resonance
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in SMOOTH if kind not in ("low-pass 2, low", "quantised")])
 def test_false_alarms(kind):
-    runs = 300
+    runs = 100
     found = [psd(SMOOTH[kind](np.random.default_rng([5, run]), 6000), RATE) for run in range(runs)]
     alarms = sum(bool(one.lines or one.bumps) for one in found)
-    # 1 %: at most 3, and 8 with a probability of 99.6 %.
-    assert alarms <= 8
+    # 1 %: at most 1 on average, and 4 with a probability of 99.6 %.
+    assert alarms <= 4
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", [which for which in RESONANCES if which[1] != 5], ids=str)
 def test_a_resonance_is_a_bump(which):
     frequency, quality = which
-    runs = 60
+    runs = 30
     found = [psd(RESONANCES[which](np.random.default_rng([6, run]), 33_000), RATE) for run in range(runs)]
     assert sum(bool(one.lines) for one in found) <= 2
     assert sum(len(one.bumps) == 1 for one in found) >= runs - 2
@@ -47,21 +47,21 @@ def test_a_resonance_of_a_few_frequencies_is_a_bump():
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [4096, 40_000])
 def test_power_of_detection(samples):
-    rng, hits, runs = np.random.default_rng(7), 0, 200
+    rng, hits, runs = np.random.default_rng(7), 0, 120
     for _ in range(runs):
         x, frequency = rng.normal(size=samples), 10 + 20 * rng.random()
         amplitude = float(psd(x, RATE).detectable_amplitude(frequency))
         found = psd(x + line(amplitude, frequency, samples, rng), RATE)
         hits += any(abs(one.frequency - frequency) < found.resolution for one in found.lines)
-    # 90 %, with a standard error of 2 %.
-    assert 0.83 <= hits / runs <= 0.97
+    # 90 %, with a standard error of 2.7 %.
+    assert 0.81 <= hits / runs <= 0.98
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2, 20])
 def test_standard_errors_of_a_line(ratio):
     rng, errors, samples = np.random.default_rng(8), [], 20_000
-    for _ in range(150):
+    for _ in range(100):
         x, frequency = rng.normal(size=samples), 10 + 20 * rng.random()
         amplitude = ratio * float(psd(x, RATE).detectable_amplitude(frequency))
         (found,) = psd(x + line(amplitude, frequency, samples, rng), RATE).lines

@@ -68,6 +68,7 @@ def test_each_level_is_what_it_says(samples, start):
     assert len(plain) - len(found) <= (1 if start else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_cuts_and_merges_change_nothing(seed):
     rng = np.random.default_rng(seed)

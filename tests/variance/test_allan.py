@@ -73,6 +73,7 @@ def test_published_values(member):
         np.testing.assert_allclose(got.deviation, list(expected.values()), rtol=2e-7 if data.size > 9 else 1e-6)
 
 
+@pytest.mark.slow
 @each("data", ["rate", "phase"])
 @each("kind", ["white", "walk", "ramp"])
 @each("member", MEMBERS)

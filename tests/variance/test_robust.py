@@ -170,7 +170,7 @@ SIGNALS = {
 
 
 @pytest.mark.slow
-@each("efficiency", [0.3, 0.6, 0.9])
+@each("efficiency", [0.3, 0.9])
 @each("name", SIGNALS)
 def test_twin(name, efficiency):
     x = SIGNALS[name]

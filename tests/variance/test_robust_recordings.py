@@ -37,6 +37,7 @@ def reference():
     return json.loads(REFERENCE.read_text())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", AXES)
 def test_reference_values(recording, reference, axis):
     for efficiency in EFFICIENCIES:

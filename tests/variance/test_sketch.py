@@ -253,6 +253,7 @@ SIGNALS = {
 }
 
 
+@pytest.mark.slow
 @each("efficiency", [0.3, 0.6, 0.9])
 @each("name", SIGNALS)
 def test_accuracy(name, efficiency):

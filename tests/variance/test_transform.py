@@ -60,6 +60,7 @@ def test_transforms_are_linear(transform, name, n, a, b):
     np.testing.assert_allclose(left.smooth, a * one.smooth + b * other.smooth, atol=1e-12)
 
 
+@pytest.mark.slow
 @every_filter
 @deterministic
 @given(n=st.integers(2, 300), shift=st.integers(0, 400))
@@ -70,6 +71,7 @@ def test_a_shifted_signal_has_shifted_coefficients(name, n, shift):
         np.testing.assert_allclose(np.roll(one.details[j], shift), other.details[j], atol=1e-13)
 
 
+@pytest.mark.slow
 @loop_over_boundaries
 @each("n", [50, 257, 600])
 @loop_over_filter

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
-from functools import lru_cache
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache, partial
+from types import MappingProxyType
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -112,6 +115,22 @@ def _require_samples(values: object, name: str) -> None:
             )  # fmt: skip
 
 
+def as_whole_number(value: int, name: str, least: int, most: float = math.inf, *, expected: str = "") -> int:
+    """Check a whole number from `least` to `most`; the error may state them in the words `expected`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        usual = f"a whole number of at least {least}" if most == math.inf else f"a whole number from {least} to {most}"
+        raise OptionError(argument=name, expected=expected or usual, got=value)
+    return int(value)
+
+
+def as_number(value: float, name: str, within: Callable[[float], bool], expected: str) -> float:
+    """Check a finite number for which `within` holds; the error says what was `expected`."""
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not (is_number and abs(value) <= sys.float_info.max and within(value)):
+        raise OptionError(argument=name, expected=expected, got=value)
+    return float(value)
+
+
 def as_rate(rate: float | None) -> float:
     """Check a sampling rate: a positive, finite number (Hz)."""
     if type(rate) is float and 0 < rate < math.inf:
@@ -132,6 +151,15 @@ def as_rate(rate: float | None) -> float:
             advice="Pass the sampling rate, not the sampling interval.",
         )  # fmt: skip
     return value
+
+
+def require_rate(rate: float | None, known: float, owner: str = "signal") -> None:
+    """Raise OptionError if a `rate` is given that differs from the `known` rate (Hz) of its owner."""
+    if rate is not None and as_rate(rate) != known:
+        raise OptionError(
+            f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz", argument="rate", got=rate,
+            advice="Leave {--rate} out.",
+        )  # fmt: skip
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
@@ -187,3 +215,19 @@ class FrozenArrays:
             for array in value.values() if isinstance(value, Mapping) else (value,):
                 if isinstance(array, np.ndarray):
                     freeze(array)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrozenMappings:
+    """Base of dataclasses whose mappings become read-only, and that can still be copied and pickled."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if isinstance(value := getattr(self, field.name), Mapping):
+                object.__setattr__(self, field.name, MappingProxyType(dict(value)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, so the copy is built from dicts.
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        plain = {name: value.copy() if isinstance(value, MappingProxyType) else value for name, value in values.items()}
+        return partial(type(self), **plain), ()

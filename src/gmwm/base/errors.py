@@ -127,7 +127,9 @@ class GmwmError(Exception):
         if self.message:
             return self.message
         message = f"{self._argument_name(self.argument or 'the value', dialect)} must be {self.expected}"
-        return f"{message}; got {_value_text(self.got)}" if self.given else message
+        shown = repr(self.got) if self.given else ""
+        shown = shown if len(shown) <= 200 else f"{shown[:200]}…"
+        return f"{message}; got {shown}" if self.given else message
 
     def _argument_name(self, argument: str, dialect: Dialect) -> str:
         """Return the argument, or its option in the shell."""
@@ -148,12 +150,6 @@ def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
     error.args = state["args"]
     error.__dict__.update({name: value for name, value in state.items() if name != "args"})
     return error
-
-
-def _value_text(got: object) -> str:
-    """Return a short representation of the value that was given."""
-    text = repr(got)
-    return text if len(text) <= 200 else f"{text[:200]}…"
 
 
 class DataError(GmwmError, ValueError):

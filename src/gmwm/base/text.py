@@ -49,6 +49,15 @@ def round_text(value: float, digits: int = 2) -> str:
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
+def gap_text(share: float) -> str:
+    """Format the gap of a certificate as a percentage, at least 0.001 %: smaller ones are rounding errors.
+
+    >>> gap_text(9.7e-5), gap_text(0.0), gap_text(1e-12)
+    ('0.0097 %', '0.001 %', '0.001 %')
+    """
+    return f"{100 * max(share, 1e-5):.2g} %"
+
+
 def round_fixed(model: str) -> str:
     """Return the text of a model with its fixed values rounded to four digits. Files have all digits.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import PurePath
 from statistics import NormalDist
 from typing import Any, TypeVar
 
@@ -16,6 +15,7 @@ from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.statistics import holm
 from gmwm.base.units import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
+from gmwm.calibration.data import names_of
 from gmwm.calibration.findings import rejected_axes
 from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merge_names
@@ -138,12 +138,7 @@ def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
 
 def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> tuple[str, ...]:
     if labels is None:
-        stems = [
-            PurePath(calibration.source).stem if isinstance(calibration, Calibration) else ""
-            for calibration in calibrations
-        ]
-        unique = all(stems) and len(set(stems)) == len(stems)
-        return tuple(stems) if unique else tuple(str(k) for k in range(1, len(stems) + 1))
+        return names_of([item.source if isinstance(item, Calibration) else "" for item in calibrations])
     names = tuple(labels)
     if isinstance(labels, str) or not all(isinstance(name, str) and name for name in names):
         raise OptionError(argument="labels", expected="a sequence of names", got=labels)

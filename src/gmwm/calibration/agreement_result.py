@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import geometric_mean
 from typing import Any, Literal
@@ -11,8 +11,8 @@ from typing import Any, Literal
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.results import Difference, DifferenceTests
-from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
-from gmwm.calibration.tables import bullet, key, number, wrap_text
+from gmwm.base.text import TEXT_WIDTH, Named, round_text
+from gmwm.calibration.tables import bullet, fitting_tables, key, number, wrap_text
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.values import Reference
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -28,15 +28,17 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
     """Return the verdict, a table for each axis, the remarks and the reference values as text of at most 80 columns."""
     heads, names = _heads(found)
     parts = [[*wrap_text(found.verdict.text(dialect)), *names]]
-    parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
+    parts += [
+        [axis, *fitting_tables(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models
+    ]
     if found.sensors:
         parts.append(["All axes of a sensor together, as a factor of the first recording",
-                      *_fitting(heads, lambda *part: _shared(found, *part))])  # fmt: skip
+                      *fitting_tables(heads, lambda *part: _shared(found, *part))])  # fmt: skip
     parts.append(wrap_text(_legend(found)))
     if remarks := texts(found.remarks, dialect):
         parts.append(["What to know about the comparison:", *(line for text in remarks for line in bullet(text))])
     if referred := [row for row in found.rows if row.reference is not None]:
-        table = _fitting(heads, lambda *part: _beside(found, referred, *part))
+        table = fitting_tables(heads, lambda *part: _beside(found, referred, *part))
         parts.append(["Measured / reference:", *table, *wrap_text(_about_reference(referred))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -47,19 +49,6 @@ def _heads(found: Agreement) -> tuple[list[str], list[str]]:
         return list(found.labels), []
     numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
     return numbers, [line for k, label in zip(numbers, found.labels, strict=True) for line in wrap_text(f"{k} {label}")]
-
-
-def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]]) -> list[str]:
-    """Return a table with a column for each recording, or several if too wide; `rows` makes rows of some."""
-    lines: list[str] = []
-    for count in range(len(heads), 0, -1):
-        lines = []
-        for start in range(0, len(heads), count):
-            part = range(start, min(start + count, len(heads)))
-            lines += [*([""] if lines else []), *table_with_rule(rows([heads[k] for k in part], part))]
-        if max(map(len, lines)) <= TEXT_WIDTH:
-            break
-    return lines
 
 
 def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> list[list[str]]:
@@ -315,10 +304,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         """Return a number by its index or by its name, such as "gyro_x.N"."""
         if not isinstance(index, str):
             return self.rows[index]
-        for row in self.rows:
-            if f"{row.axis}.{row.symbol}" == index:
-                return row
-        raise KeyError(f"no {index!r}; there are {', '.join(f'{row.axis}.{row.symbol}' for row in self.rows)}")
+        return Named(((f"{row.axis}.{row.symbol}", row) for row in self.rows), "number")[index]
 
     def __len__(self) -> int:
         return len(self.rows)

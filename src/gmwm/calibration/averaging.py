@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from statistics import NormalDist
@@ -40,7 +40,7 @@ WALK_SHARE = 0.01
 """Correlation time over length from which a GM term is a walk with K = q_c (docs/validation/sensors.md)."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class WeightedEstimate:
     """Estimate from one model with positive interval (`upper_only`: only `high`) and relative `weight`."""
 
@@ -112,32 +112,41 @@ def weighted_candidates(ranking: Ranking, most: int = MOST_MODELS) -> list[tuple
 def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
     """Return the recommended model's datasheet; each interval is the union with the average over models. A number is a
     limit if models without it have over (1 − level) / 2 of the weight. B, the coefficient of flicker noise or else the
-    minimum of the curve, is averaged over models with and without flicker noise."""
+    minimum of the curve, is averaged over models with and without flicker noise. The interval of N contains those of
+    the equivalent models, one of which is the true one: an average reaches a narrow one of small weight only in part
+    (docs/validation/faults.md)."""
     candidates = weighted_candidates(ranking, len(ranking.distinct))
     averaged, rest = candidates[:MOST_MODELS], candidates[MOST_MODELS:]
     kinds = {_has_flicker(candidate) for _, candidate in averaged} if rest else set()
     other_kind = [pair for pair in rest if _has_flicker(pair[1]) not in kinds][:1]
-
-    def sheets(pairs: Iterable[tuple[float, Candidate]]) -> Iterator[tuple[float, Datasheet]]:
-        for weight, candidate in pairs:
-            if candidate.recommended:
-                yield weight, sheet
-                continue
-            with suppress(GmwmError):  # A model without intervals gives no information about a number.
-                other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
-                if _is_determined(other):
-                    yield weight, other
-
-    others = list(sheets(averaged))
-    both = [*others, *sheets(other_kind)]
-    if len(both) < 2:
+    equivalent = [pair for pair in candidates if pair[1].equivalent]
+    sheets = {id(pair): _sheet_of(pair[1], sheet, level) for pair in (*averaged, *other_kind, *equivalent)}
+    if len(sheets) < 2:
         return sheet
 
+    def weighted(pairs: Iterable[tuple[float, Candidate]]) -> list[tuple[float, Datasheet]]:
+        return [(pair[0], other) for pair in pairs if (other := sheets[id(pair)]) is not None]
+
     def widened(entry: Entry) -> Entry:
-        pairs = both if entry.symbol == SYMBOL else others
-        return entry if len(pairs) < 2 else _widen(entry, sheet, pairs, level)
+        pairs = weighted([*averaged, *other_kind] if entry.symbol == SYMBOL else averaged)
+        wider = entry if len(pairs) < 2 else _widen(entry, sheet, pairs, level)
+        if entry.symbol not in OF_WHITE or wider.upper_only or wider.low is None or wider.high is None:
+            return wider
+        same = [other[entry.symbol] for _, other in weighted(equivalent) if entry.symbol in other]
+        low = min([wider.low, *(number.low for number in same if number.low)])
+        return replace(wider, low=low, high=max([wider.high, *(number.high for number in same if number.high)]))
 
     return replace(sheet, entries=tuple(map(widened, sheet.values())))
+
+
+def _sheet_of(candidate: Candidate, sheet: Datasheet, level: float) -> Datasheet | None:
+    """Return the datasheet of a candidate, which is `sheet` if it is recommended; None without (useful) intervals."""
+    if candidate.recommended:
+        return sheet
+    with suppress(GmwmError):
+        other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
+        return other if _is_determined(other) else None
+    return None
 
 
 def _has_flicker(candidate: Candidate) -> bool:
@@ -187,19 +196,13 @@ def _widen(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datashe
     for weight, other in others:
         same = entry if other is sheet else _counterpart(entry, sheet, other)
         if same is not None:
-            estimates.append(replace(_estimate(same), weight=weight))
+            ends = max(same.low or 0.0, 0.0), math.inf if same.high is None else same.high
+            estimates.append(WeightedEstimate(weight, abs(same.value), *ends, upper_only=same.upper_only))
         elif _base(entry.symbol) not in (*_TIMES, *OF_WHITE):
             estimates.append(replace(ABSENT, weight=weight))
     low, high = averaged_interval(estimates, level)
     low, high = min(low, entry.low), max(high, entry.high)
     return replace(entry, low=low, high=high, upper_only=entry.upper_only or low == 0.0)
-
-
-def _estimate(entry: Entry) -> WeightedEstimate:
-    low, high = entry.low or 0.0, math.inf if entry.high is None else entry.high
-    return WeightedEstimate(
-        weight=1.0, value=abs(entry.value), low=max(low, 0.0), high=high, upper_only=entry.upper_only
-    )
 
 
 def _base(symbol: str) -> str:
@@ -254,7 +257,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     for candidate in ranking.distinct:
         if candidate.difference <= EQUIVALENT_DIFFERENCE and not candidate.recommended:
             model = candidate.fit.model
-            terms = {t: p for t, p in zip(model.terms, model.processes, strict=True) if p.scale > 0}
+            terms = {t: p for t, p in model.by_term.items() if p.scale > 0}
             if any(is_walk(process, sheet.rate) for process in terms.values()):
                 continue
             times = {term: process.correlation_time(sheet.rate) or 0.0 for term, process in terms.items()}
@@ -269,7 +272,7 @@ def averaged_intervals(
 ) -> dict[str, tuple[float, float]]:
     """Return parameters' intervals, widened by the model choice as those of numbers that follow from one alone."""
     rate, widened = fit.wavelet_variance.rate, dict(intervals)
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         for number in process.physical(rate) if process.scale > 0 else ():
             if len(number.slopes) != 1:
                 continue

@@ -7,10 +7,11 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.helpers import Helpers
 from gmwm.base.remarks import Remark
@@ -43,7 +44,6 @@ from gmwm.measuring.outliers import Verdict
 from gmwm.measuring.spectrum import PowerSpectrum
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Streamed
-from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import RW
@@ -63,8 +63,7 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
     lines = () if measured.spectrum is None else measured.spectrum.lines
     sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
     raw = measured.raw_curve(options)
-    means, beginnings = list(measured.means.values()), list(measured.beginnings.values())
-    additions = {item.name: item.of_axis(fit, beginnings) for item in axis_additions() if beginnings}
+    means = list(measured.means.values())
     axis = AxisCalibration(
         fit=fit, intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
         test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)), datasheet=with_limits(sheet, fit),
@@ -73,12 +72,17 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
         misfit=relative_misfit(fit), model_error=choice.error, tried=choice.tried, search=choice.steps,
         regression=measured.regression, left_in=None if raw is None else _left_in(fit, raw, options),
         rest=bias_at_rest(fit, ranking, means, level=level) if means else None,
-        additions={name: value for name, value in additions.items() if value is not None},
     )  # fmt: skip
     # The cached values behind these are computed here, where axes are processed in parallel.
     _ = fit.replicates, ranking.remarks
     prepare_remarks(measured.axis, axis)
     return axis
+
+
+def additions_to(fit: Fit, beginnings: Sequence[Signal]) -> dict[str, Any]:
+    """Return what applications compute from the fit of an axis and the first samples of its recordings."""
+    values = {item.name: item.of_axis(fit, beginnings) for item in axis_additions()}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def choose_model(
@@ -179,6 +183,10 @@ Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, I
 """Data of several recordings of one unit."""
 
 
+Work = MeasuredAxis | ModelChoice | AxisCalibration
+"""What is known of an axis before the next step of its calibration."""
+
+
 def calibrate_recording(
     data: Data | Several, options: CalibrationOptions, *, threads: int | None = None,
     scheduler: str | Client | None = None, workers: int | None = None, progress: Progress | None = None,
@@ -206,11 +214,14 @@ def calibrate_recording(
         steps.step(axis, STAGES[1])
         return choice
 
-    def work(axis: str, item: MeasuredAxis | ModelChoice) -> ModelChoice | AxisCalibration | GmwmError:
+    def work(axis: str, item: Work) -> Work | GmwmError:
         try:
             if isinstance(item, MeasuredAxis):
                 return choose(axis, item)
-            result = (helpers or Helpers()).run(calibrate_axis, items[axis], item, options)
+            run = (helpers or Helpers()).run
+            if isinstance(item, AxisCalibration):
+                return replace(item, additions=run(additions_to, item.fit, beginnings.pop(axis)))
+            result = run(calibrate_axis, replace(items[axis], beginnings={}), item, options)
         except OptionError:
             raise
         except GmwmError as error:
@@ -218,11 +229,15 @@ def calibrate_recording(
         steps.step(axis, STAGES[2])
         return result
 
+    beginnings = {axis: list(item.beginnings.values()) for axis, item in items.items() if item.beginnings}
     choices: dict[str, ModelChoice] = {}
     searched = by_sensor(items)  # axes whose search has not ended
 
-    def fits_of(axis: str, result: object) -> dict[str, MeasuredAxis | ModelChoice]:
-        """Return the choices of a sensor after its last search; its axes are fitted while others are searched."""
+    def further(axis: str, result: Work | GmwmError) -> dict[str, Work]:
+        """Return the choices of a sensor after its last search, as its axes are fitted while others are searched, and
+        each fitted axis: short work at the end occupies all processes."""
+        if isinstance(result, AxisCalibration):
+            return {axis: result} if axis in beginnings else {}
         of_sensor = searched[sensor_of(axis)]
         if of_sensor.pop(axis, None) is None:
             return {}
@@ -233,7 +248,7 @@ def calibrate_recording(
 
     return_memory()  # of the stage before, which needed other sizes of arrays
     try:
-        results = in_threads(work, dict[str, MeasuredAxis | ModelChoice](items), threads=threads, more=fits_of)
+        results = in_threads(work, dict[str, Work](items), threads=threads, more=further)
     except BaseException:
         steps.stop()
         raise
@@ -245,6 +260,7 @@ def calibrate_recording(
         raise error.at(f"no axis can be calibrated; {axis}") from error
     verdicts = {axis: item.verdicts for axis, item in items.items()}
     descriptions = {name: Recording.of(of_parts[0]) for name, of_parts in inspections.items() if of_parts}
+    curves = {axis for of_axes in recordings.curves.values() for axis in of_axes}  # only samples can be inspected
     calibration = Calibration(
         axes=axes,
         failed=dict(recordings.missing) | {axis: error.reason for axis, error in failed.items()},
@@ -252,19 +268,16 @@ def calibrate_recording(
         source=recordings.source,
         recording_remarks=tuple(
             dict.fromkeys(
-                (*_recording_remarks(inspections, axes, verdicts, findings), *_not_inspected(recordings, axes))
+                (
+                    *_recording_remarks(inspections, axes, verdicts, findings),
+                    *(Remark.of("not-inspected", axis) for axis in axes if axis in curves),
+                )
             )
         ),
         recording=descriptions.get(""),
         recordings={name: item for name, item in descriptions.items() if name},
     )
     return with_verdict_limits(calibration)
-
-
-def _not_inspected(recordings: Recordings, axes: Mapping[str, AxisCalibration]) -> list[Remark]:
-    """Return remarks on the axes that the user gave as curves, because only samples can be inspected."""
-    given = {axis for curves in recordings.curves.values() for axis in curves}
-    return [Remark.of("not-inspected", axis) for axis in axes if axis in given]
 
 
 def _recording_remarks(
@@ -277,8 +290,14 @@ def _recording_remarks(
         remarks = by_recording[name] = []
         recording_verdicts = [of[name] for of in verdicts.values() if name in of]
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        for inspection, of_part in zip(of_parts, findings[name], strict=True):
-            remarks += recording_remarks(inspection, axes, recording_verdicts)
+        parts = [tuple(recording_remarks(inspection, axes, recording_verdicts)) for inspection in of_parts]
+        for inspection, part, of_part in zip(of_parts, parts, findings[name], strict=True):
+            for remark in part:
+                # Another part, for example with a warm-up, has another share of lost samples.
+                other = not remark.subject and any(
+                    remark.code in {r.code for r in others} and remark not in others for others in parts
+                )
+                remarks += [remark.about(axis) for axis in inspection.axes] if other else [remark]
             for addition, finding in zip(recording_additions(), of_part, strict=False):
                 if finding is not None:
                     remarks += addition.remarks(finding, still, TEST_SIZE / len(inspections))

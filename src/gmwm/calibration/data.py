@@ -98,9 +98,13 @@ def recordings_by_name(data: Any) -> dict[str, Any]:
         raise OptionError(argument="data", expected="at least one recording", got=data)
     if len(items) == 1:
         return {"": items[0]}
-    stems = [PurePath(item.source).stem for item in items]
-    unique = all(stems) and len(set(stems)) == len(stems)
-    return dict(zip(stems if unique else map(str, range(1, len(items) + 1)), items, strict=True))
+    return dict(zip(names_of([item.source for item in items]), items, strict=True))
+
+
+def names_of(sources: Sequence[str]) -> tuple[str, ...]:
+    """Return names of recordings: those of their files if these are unique, or else numbers from 1."""
+    stems = tuple(PurePath(source).stem for source in sources)
+    return stems if all(stems) and len(set(stems)) == len(stems) else tuple(map(str, range(1, len(stems) + 1)))
 
 
 def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisInput | None]:

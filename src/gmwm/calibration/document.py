@@ -47,15 +47,12 @@ def ranking_document(ranking: Ranking) -> dict[str, Any]:
     for candidate, values in zip(ranking, content["candidates"], strict=True):
         values["asked"] = str(candidate.model)  # This text includes fixed values.
         values["fit"] = place[id(candidate.fit)]
+    # What cannot be computed from the wavelet variance and the weighting matrix.
+    stored = "model objective lower_bound relaxed_bound"
     return {
-        **content, "fits": [_short(fit) for fit in fits.values()],
+        **content, "fits": [plain_fields(f, stored, finite=False) | f.diagnostics.to_dict() for f in fits.values()],
         "weighting_matrix": ranking.weighting_matrix.tolist(), "wavelet_covariance": ranking.wavelet.tolist(),
     }  # fmt: skip
-
-
-def _short(fit: Fit) -> dict[str, Any]:
-    """Return what cannot be computed from the wavelet variance and the weighting matrix."""
-    return plain_fields(fit, "model objective lower_bound relaxed_bound", finite=False) | fit.diagnostics.to_dict()
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:

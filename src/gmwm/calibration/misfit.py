@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.calibration.result import AxisCalibration
-from gmwm.choosing.datasheets import Datasheet
 from gmwm.choosing.datasheets.bias import SYMBOL
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -63,7 +62,9 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
-    return LargestMisfit(tau=tau, ratio=ratio, numbers=_read_at(found.datasheet, long=tau > _middle(found)))
+    slopes, long = {str(symbol): law.slope for symbol, law in LAWS.items()}, tau > _middle(found)
+    numbers = tuple(name for name in found.datasheet if name in slopes and (slopes[name] >= 0) == long)
+    return LargestMisfit(tau=tau, ratio=ratio, numbers=numbers)
 
 
 def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> Mask:
@@ -79,12 +80,6 @@ def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> M
 def _outside(fit: Fit) -> Mask:
     """Return a mask (J,) of the levels at which a model is outside the limits of the data."""
     return np.asarray((fit.implied < fit.wavelet_variance.lower) | (fit.implied > fit.wavelet_variance.upper))
-
-
-def _read_at(sheet: Datasheet, *, long: bool) -> tuple[str, ...]:
-    """Return the symbols of the datasheet numbers that depend on long scales, or on short scales if not `long`."""
-    slopes = {str(symbol): law.slope for symbol, law in LAWS.items()}
-    return tuple(symbol for symbol in sheet if symbol in slopes and (slopes[symbol] >= 0) == long)
 
 
 def _middle(found: AxisCalibration) -> float:

@@ -19,7 +19,7 @@ from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.measuring.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.measuring.streaming.passes import AxisCurves, Measurement, curves_of, measure, show_batches, unit_of
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.batches import Batch, Batches, Streamed, end_to_end, feed, join_batches, part_of
+from gmwm.recording.batches import Batches, Streamed, end_to_end, feed, join_batches, part_of
 from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.repairs import axes_with_two_levels
 from gmwm.recording.signals import Imu, Signal
@@ -223,22 +223,13 @@ def _first_pass(
     return accumulators
 
 
-def _second_pass(
-    batches: Batches, curves: Mapping[str, AxisCurves], threads: int | None = None,
-    also: Callable[[Batch], None] | None = None, *, conditions: Conditions = NOTHING,
-) -> None:  # fmt: skip
-    """Run the second pass for the wavelet variances that need one, and call `also`, if given, with each batch."""
-    again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
-    if again or also:
-        measure(map(conditions.batch, show_batches(batches, also)), again, threads)
-
-
 def _inspect(
     batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None, *,
     conditions: Conditions = NOTHING,
 ) -> Inspection:  # fmt: skip
     statistics = inspector.second_pass()
-    _second_pass(batches, curves, threads, statistics.update, conditions=conditions)
+    again: dict[str, Measurement] = {axis: item for axis, item in curves.items() if item.begin_again()}
+    measure(map(conditions.batch, show_batches(batches, statistics.update)), again, threads)
     return statistics.result(conditions)
 
 

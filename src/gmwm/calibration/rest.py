@@ -152,7 +152,8 @@ def bias_at_rest(fit: Fit, ranking: Ranking, means: Sequence[AxisMean], *, level
     removed = len(parts) == len(means)
     values = np.array([mean_of_recording.mean for mean_of_recording in means])
     x = values - (np.array([part[0] for part in parts]) if removed else 0.0)
-    terms = _terms_of_models(fit, ranking)
+    fits = [(weight, fit if item.recommended else item.fit) for weight, item in weighted_candidates(ranking)]
+    terms = _of_models(fits, BiasTerms.of)
     models = [_of_models(terms, mean_of_recording.variance) for mean_of_recording in means]
     s2 = np.array([_average(mean_of_recording).value for mean_of_recording in models])
     spread: tuple[float, float, float] | None = None
@@ -226,12 +227,6 @@ def gravity_of(means: Mapping[str, float], options: CalibrationOptions) -> dict[
         off = math.hypot(error, level / g * 0.2, 0.2**2 / (2 * g))
         gravity[vertical] = side * math.sqrt(g * g - level * level), off
     return gravity
-
-
-def _terms_of_models(fit: Fit, ranking: Ranking) -> list[tuple[float, BiasTerms]]:
-    """Return the terms of the fit of each plausible model, with the weight of the model."""
-    fits = [(weight, fit if item.recommended else item.fit) for weight, item in weighted_candidates(ranking)]
-    return _of_models(fits, BiasTerms.of)
 
 
 def _of_models(models: Sequence[tuple[float, T]], of: Callable[[T], S]) -> list[tuple[float, S]]:

@@ -18,7 +18,7 @@ from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
-from gmwm.calibration.tables import SENSORS, bullet, in_order, key, number, with_error, wrap_text
+from gmwm.calibration.tables import SENSORS, bullet, fitting_tables, in_order, key, number, with_error, wrap_text
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -164,7 +164,7 @@ def summary(
 def _details(calibration: Calibration) -> list[list[str]]:
     """Return the tables with all numbers of each axis, the reasons for the models, and the results of additions."""
     parts = [
-        [SENSORS.get(sensor, sensor or "Axes"), *_table(axes)] for sensor, axes in by_sensor(calibration.axes).items()
+        [SENSORS.get(sensor, sensor or "Axes"), *_tables(axes)] for sensor, axes in by_sensor(calibration.axes).items()
     ]
     parts.append(wrap_text(legend(calibration)))
     parts += [
@@ -175,13 +175,6 @@ def _details(calibration: Calibration) -> list[list[str]]:
 
 
 def _head(calibration: Calibration) -> list[str]:
-    # On some axes, knocks are replaced too. The axis with the fewest filled samples shows how many were recorded.
-    curves = sorted((r.fit.wavelet_variance for r in calibration.axes.values()), key=lambda wv: -wv.filled)
-    shapes = {(wv.samples, wv.rate): (wv.samples - wv.filled, wv.filled, wv.rate) for wv in curves}.values()
-    samples = _range([str(n) for n, _, _ in sorted(shapes)])
-    most = max(filled for _, filled, _ in shapes)
-    rate = _range([f"{rate:g}" for rate in sorted(rate for _, _, rate in shapes)])
-    duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, _, rate in shapes)])
     count = len(calibration.recordings)
     several = f"{count} recordings: " if count else ""
     lines = [f"Calibration{' of ' + several + calibration.source if calibration.source else ''}"]
@@ -189,12 +182,25 @@ def _head(calibration: Calibration) -> list[str]:
     searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
     if settings.models:
         searched += f"; models given for {', '.join(settings.models)}"
-    omitted = {r.facts["first"] for r in calibration.recording_remarks if r.facts.get("case") == "omitted"}
-    spans = [duration_text(first.value) for first in omitted if isinstance(first, Quantity)]
-    cut = f", without the first {_range(sorted(spans))} (warm-up)" if spans else ""
-    filled = f" and {most} filled ones" if most else ""
-    lines.append(f"{samples} samples{filled} at {rate} Hz, {duration}{cut}; {searched}")
+    lines.append(f"{extent_text(calibration)}; {searched}")
     return [line for text in lines for line in wrap_text(text)]
+
+
+def extent_text(calibration: Calibration) -> str:
+    """Return the samples, rate and length of a calibration, as ranges over its axes, and the warm-up left out."""
+    # On some axes, knocks are replaced too. The axis with the fewest filled samples shows how many were recorded.
+    curves = sorted((r.fit.wavelet_variance for r in calibration.axes.values()), key=lambda wv: -wv.filled)
+    shapes = {(wv.samples, wv.rate): (wv.samples - wv.filled, wv.filled, wv.rate) for wv in curves}.values()
+    samples = _range([str(n) for n, _, _ in sorted(shapes)])
+    most = max(filled for _, filled, _ in shapes)
+    rate = _range([f"{rate:g}" for rate in sorted(rate for _, _, rate in shapes)])
+    duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, _, rate in shapes)])
+    omitted = [r for r in calibration.recording_remarks if r.facts.get("case") == "omitted"]
+    firsts = {first.value for r in omitted if isinstance(first := r.facts["first"], Quantity)}
+    part = f" on {len(omitted)} of {len(calibration.axes)} axes" if len(shapes) > 1 else ""
+    cut = f", without the first {_range([duration_text(t) for t in sorted(firsts)])}{part} (warm-up)" if firsts else ""
+    filled = f" and {most} filled ones" if most else ""
+    return f"{samples} samples{filled} at {rate} Hz, {duration}{cut}"
 
 
 def _range(ascending: Sequence[str]) -> str:
@@ -203,24 +209,9 @@ def _range(ascending: Sequence[str]) -> str:
     return first if first == last else f"{first} to {last}"
 
 
-def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
+def _tables(axes: Mapping[str, AxisCalibration]) -> list[str]:
     """Return tables with a row for each number and a column for each axis, up to three if they fit."""
-    lines: list[str] = []
-    for count in (3, 2, 1):
-        lines = _blocks(axes, count)
-        if max(map(len, lines)) <= TEXT_WIDTH:
-            break
-    return lines
-
-
-def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
-    """Return the lines of tables with `count` axes each, one below the other."""
-    names = list(axes)
-    lines: list[str] = []
-    for start in range(0, len(names), count):
-        chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *table_with_rule(rows_of(chosen))]
-    return lines
+    return fitting_tables(list(axes), lambda names, _: rows_of({name: axes[name] for name in names}), 3)
 
 
 def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
@@ -346,8 +337,8 @@ def short_legend(calibration: Calibration) -> str:
     ends = [f"{duration_text(min(each))} ({SENSORS.get(name, name).lower()})" for name, each in times.items()]
     predictions = f", for predictions up to {join_names(ends)}".replace(" ()", "") if ends else ""
     return (
-        f"N, K: white noise and random walk for a filter{predictions}. B: bias instability. ±, +a/−b, a … b: "
-        f"{100 * calibration.settings.confidence:g} % interval. ✓ use, ≤ use as an upper limit, ✗ do not use."
+        f"N, K: white noise and random walk of the axis for a filter{predictions}. B: bias instability. ±, +a/−b, "
+        f"a … b: {100 * calibration.settings.confidence:g} % interval. ✓ use, ≤ use as an upper limit, ✗ do not use."
     )
 
 
@@ -362,9 +353,10 @@ def legend(calibration: Calibration) -> str:
     )  # fmt: skip
     biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
     if biases:
+        times = [duration_text(seconds) for seconds in sorted({bias.duration for bias in biases})]
         lines += (
             " bias: mean at rest, without gravity but with the Earth's rotation (at most 15 deg/h); ± includes slow "
-            f"noise. bias rms: its changes over {duration_text(max(bias.duration for bias in biases))}."
+            f"noise. bias rms: its changes over {_range(times)}."
         )
     if any(bias.bias is None for bias in calibration.rest.values()):
         lines += " tilt unknown: tell calibrate how level the unit stood (options tilt and gravity)."

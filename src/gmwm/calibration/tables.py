@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import TEXT_WIDTH, round_text
+from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -92,3 +92,19 @@ def bullet(text: str) -> list[str]:
     return textwrap.wrap(
         text, TEXT_WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
     )
+
+
+def fitting_tables(
+    heads: Sequence[str], rows: Callable[[Sequence[str], range], list[list[str]]], most: int | None = None
+) -> list[str]:
+    """Return a table with a column for each head, or several with up to `most` if it is wider than 80 columns; `rows`
+    makes the rows of some of the columns."""
+    lines: list[str] = []
+    for count in range(most or len(heads), 0, -1):
+        lines = []
+        for start in range(0, len(heads), count):
+            part = range(start, min(start + count, len(heads)))
+            lines += [*([""] if lines else []), *table_with_rule(rows([heads[k] for k in part], part))]
+        if max(map(len, lines)) <= TEXT_WIDTH:
+            break
+    return lines

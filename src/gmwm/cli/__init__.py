@@ -14,8 +14,10 @@ def start() -> None:
     if handler is signal.default_int_handler:  # otherwise the caller has set it to be ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from gmwm.base.helpers import spare_garbage_collector
+    from gmwm.base.threads import share_memory
 
     spare_garbage_collector()
+    share_memory()
     from gmwm.cli.main import run
 
     try:

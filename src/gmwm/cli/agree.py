@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+import gmwm
 from gmwm import Calibration
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, plot_file, progress
 from gmwm.cli.read_options import names_of
 from gmwm.files.importers.values import parse_reference
@@ -27,41 +24,12 @@ EXAMPLES = (
 
 @command
 def agree(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="The calibration.json that gmwm calibrate --output wrote for each recording, or its folder. With "
-            "--reference, one calibration is enough.",
-            metavar="CALIBRATION…",
-        ),
-    ],
-    reference: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Value from a datasheet for a sensor or an axis, such as gyro.N=2.0deg/√h or accel_z.B=0.2mg (√ can "
-            "be written sqrt). Repeat the option for more values. Alternatively, give a file of another program, as "
-            "for gmwm export --from.",
-            metavar="SYMBOL=VALUE|FILE",
-        ),
-    ] = None,
-    label: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Name of a recording in the output. Give the option once for each recording, in the same order.",
-            metavar="NAME",
-        ),
-    ] = None,
-    size: Annotated[
-        float, typer.Option(help="Significance level: probability that any number is marked if all agree.")
-    ] = 0.05,
-    horizon: Annotated[
-        str,
-        typer.Option(
-            help="Time horizon of N and K if one calibration is compared with a file, as for gmwm export.",
-            metavar="LENGTH",
-        ),
-    ] = "1s",
-    plot: Plot = None,
+    files: list[Path],
+    reference: list[str] | None = None,
+    label: list[str] | None = None,
+    size: float = 0.05,
+    horizon: str = "1s",
+    plot: Path | None = None,
 ) -> Outcome:
     """Test whether calibrations of one unit agree with each other, or with a reference.
 
@@ -69,12 +37,21 @@ def agree(
     each number that differs by more than chance. With --reference, it compares the calibrations with values from a
     datasheet or with a file of another program. If one calibration is compared with a file, its numbers are converted
     to the convention of the file, and the table shows the ratio of both values.
-    """
-    from gmwm import Calibration, agree
 
+    Arguments:
+        files (CALIBRATION…): The calibration.json that gmwm calibrate --output wrote for each recording, or its folder.
+            With --reference, one calibration is enough.
+    Options:
+        reference (SYMBOL=VALUE|FILE): Value from a datasheet for a sensor or an axis, such as gyro.N=2.0deg/√h or
+            accel_z.B=0.2mg (√ can be written sqrt). Repeat the option for more values. Alternatively, give a file of
+            another program, as for gmwm export --from.
+        label (NAME): Name of a recording in the output. Give the option once for each recording, in the same order.
+        size: Significance level: probability that any number is marked if all agree.
+        horizon (LENGTH): Time horizon of N and K if one calibration is compared with a file, as for gmwm export.
+    """
     references = parse_references(reference or ())
     with progress("reading"):
-        calibrations = [Calibration.load(file) for file in files]
+        calibrations = [gmwm.Calibration.load(file) for file in files]
     if len(calibrations) == 1 and not references:
         raise OptionError(
             "one calibration needs a reference to agree with", argument="reference", got=None,
@@ -92,7 +69,7 @@ def agree(
     recordings = {Path(agreement.source).stem for agreement in calibrations} - {""}
     # Calibrations are named after their recordings, or after their files if these names are not unique.
     names = label or (None if len(recordings) == len(files) else names_of(files))
-    agreement = agree(calibrations, size=size, labels=names, reference=references)
+    agreement = gmwm.agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
         command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary(),
         files=plot_file(plot, lambda path: agreement.plot(path=path)),

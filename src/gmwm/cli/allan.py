@@ -8,13 +8,15 @@ from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
+import gmwm
 from gmwm.base.errors import OptionError
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
-from gmwm.cli.options import EstimationOption, Plot, ResultOption, Units, picture_units, unit_system
-from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.options import picture_units, unit_system
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, progress, table_text
+from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
 
     from gmwm.measuring.variance.allan_regression import AllanRegression
     from gmwm.measuring.variance.clusters import ClusterVariance
-    from gmwm.recording.signals import Signal
     from gmwm.showing.plots.labels import UnitSystem
 
 EXAMPLES = (
@@ -36,37 +37,30 @@ Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonover
 
 @command
 def allan(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
-    kind: Annotated[
-        Kind,
-        EstimationOption(
-            help="Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear "
-            "drift does not affect; or total variance, which has more degrees of freedom at long averaging times."
-        ),
-    ] = "overlapping",
-    clusters: Annotated[
-        Literal["octave", "decade", "all"],
-        EstimationOption(
-            help="Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time "
-            "for all sizes is proportional to the square of the number of samples."
-        ),
-    ] = "octave",
-    slopes: Annotated[
-        bool, ResultOption("--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.")
-    ] = False,
-    datasheet: Units = None,
-    csv: Annotated[Path | None, ResultOption(help="Write all values of all axes to this CSV file (SI units).")] = None,
-    plot: Plot = None,
+    axis: list[str] | None = None,
+    kind: Kind = "overlapping",
+    clusters: Literal["octave", "decade", "all"] = "octave",
+    slopes: bool = False,
+    datasheet: bool | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 
     The samples are angular rates and specific forces. The 95 % confidence intervals come from a chi-square
     distribution, whose degrees of freedom depend on the dominant noise type at each averaging time.
-    """
-    from gmwm.measuring.variance.allan_regression import avlr
 
+    Estimation:
+        kind: Estimator: overlapping, nonoverlapping or modified Allan variance; Hadamard variance, which a linear drift
+            does not affect; or total variance, which has more degrees of freedom at long averaging times.
+        clusters: Cluster sizes: 1, 2, 4, 8 … (octave); 1, 2, 4, 10, 20, 40 … (decade); or every size (all). The time
+            for all sizes is proportional to the square of the number of samples.
+    Result:
+        slopes: Estimate Q, N, B, K and R from the slopes of the Allan deviation.
+        csv: Write all values of all axes to this CSV file (SI units).
+    """
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(
             f"--slopes needs an Allan deviation, not --kind {kind}", argument="kind", got=kind,
@@ -75,7 +69,7 @@ def allan(
     imu = load(file, reading)
 
     results = _measure(chosen_axes(imu, axis), kind, clusters)
-    regressions = {name: avlr(result) for name, result in results.items()} if slopes else {}
+    regressions = {name: gmwm.avlr(result) for name, result in results.items()} if slopes else {}
     system = unit_system(datasheet)
     heading = "axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"
     tables = [
@@ -100,11 +94,9 @@ def allan(
 
 
 def _measure(
-    signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
+    signals: Mapping[str, gmwm.Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
     """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
-    from gmwm.cli.output import over_axes
-
     if clusters != "all":
         return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")
     _print_cost(signals, kind)
@@ -116,21 +108,19 @@ def _measure(
 
 
 def _variance(
-    signal: Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
+    signal: gmwm.Signal, kind: Kind, clusters: Literal["octave", "decade", "all"],
     progress: Callable[[int, int], object] | None = None,
 ) -> ClusterVariance:  # fmt: skip
-    from gmwm.measuring.variance.allan import allan_variance, hadamard_variance, total_variance
-
     if kind == "total":
-        return total_variance(signal, clusters=clusters, progress=progress)
+        return gmwm.total_variance(signal, clusters=clusters, progress=progress)
     if kind == "hadamard":
-        return hadamard_variance(signal, clusters=clusters, progress=progress)
+        return gmwm.hadamard_variance(signal, clusters=clusters, progress=progress)
     if kind == "nonoverlapping-hadamard":
-        return hadamard_variance(signal, kind="nonoverlapping", clusters=clusters, progress=progress)
-    return allan_variance(signal, kind=kind, clusters=clusters, progress=progress)
+        return gmwm.hadamard_variance(signal, kind="nonoverlapping", clusters=clusters, progress=progress)
+    return gmwm.allan_variance(signal, kind=kind, clusters=clusters, progress=progress)
 
 
-def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
+def _print_cost(signals: Mapping[str, gmwm.Signal], kind: Kind) -> None:
     """Print the number of sizes and the expected time: differences fall linearly, so half the smallest's each."""
     first = next(iter(signals.values()))
     sizes = len(first) // 2
@@ -173,7 +163,6 @@ def _draw(
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its intervals and noise types."""
-    from gmwm.base.units import by_sensor
     from gmwm.showing.plots.allan import cluster_view
 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}

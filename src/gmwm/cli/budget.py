@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -11,8 +10,7 @@ from gmwm.applications.navigation import LATITUDE, Budget
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.model_source import NoiseText, calibration_in, noise_of
-from gmwm.cli.options import Plot
+from gmwm.cli.model_source import calibration_in, noise_of
 from gmwm.cli.output import Outcome, file_names, plot_file
 
 EXAMPLES = (
@@ -27,30 +25,14 @@ _DURATION = typer.Option(
 
 @command
 def budget(
-    source: NoiseText,
-    duration: Annotated[str, _DURATION],
-    rest: Annotated[
-        str,
-        typer.Option(
-            help="Time at rest before navigation starts. The initial biases and the level are those that a filter with "
-            "N and K knows after this time. With 0s, they are known exactly.",
-            metavar="LENGTH",
-        ),
-    ] = "60s",
-    latitude: Annotated[float, typer.Option(help="Latitude (deg).")] = LATITUDE,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it."),
-    ] = None,
-    level: Annotated[float, typer.Option(help="Confidence level of the intervals.")] = 0.95,
-    against: Annotated[
-        str | None,
-        typer.Option(
-            help="Also compute the budget of this calibration, file or datasheet, and compare both budgets.",
-            metavar="SOURCE",
-        ),
-    ] = None,
-    plot: Plot = None,
+    source: str,
+    duration: str,
+    rest: str = "60s",
+    latitude: float = LATITUDE,
+    rate: float | None = None,
+    level: float = 0.95,
+    against: str | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Compute how attitude, velocity and position errors of unaided inertial navigation grow.
 
@@ -59,6 +41,18 @@ def budget(
     each noise process, a confidence interval from the uncertainty of the calibration, and the errors of a static
     alignment and of gyro-compassing for several averaging times. Errors from constant biases, scale factors and motion
     are not included.
+
+    Arguments:
+        source (SOURCE): The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of
+            them; or the numbers of a datasheet or a file of another program, as for gmwm export --from.
+    Options:
+        duration (LENGTH): Time of navigation without corrections, such as 60s, 10min, 1h or a number of seconds.
+        rest (LENGTH): Time at rest before navigation starts. The initial biases and the level are those that a filter
+            with N and K knows after this time. With 0s, they are known exactly.
+        latitude: Latitude (deg).
+        rate: Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it.
+        level: Confidence level of the intervals.
+        against (SOURCE): Also compute the budget of this calibration, file or datasheet, and compare both budgets.
     """
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 

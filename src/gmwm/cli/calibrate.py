@@ -7,10 +7,9 @@ from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
+import gmwm
 from gmwm.base.atomic_files import write_bytes
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.extras import is_installed
@@ -24,21 +23,13 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, open_recording
+from gmwm.cli.measuring import memory_for, open_recording
 from gmwm.cli.options import (
-    AgainstOption,
-    ChoiceWeighting,
-    Confidence,
-    CriterionName,
-    Efficiency,
-    EstimationOption,
-    InputOption,
-    RepeatedOption,
-    ResultOption,
-    Searched,
-    Seed,
-    Units,
+    Chunked,
+    Criterion,
+    Repeated,
     View,
+    Weighting,
     joined_against,
     named_as_options,
     parse_models,
@@ -46,15 +37,13 @@ from gmwm.cli.options import (
     picture_units,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, optional_plots, progress, text_file
-from gmwm.cli.read_options import Axes, Files, chosen_names, document_of, names_of, only_file
+from gmwm.cli.read_options import chosen_names, document_of, names_of, only_file
 from gmwm.measuring.regression.against import AUTO
 from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
     from gmwm.files.readers.streams import Stream
-    from gmwm.recording.signals import Imu
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 
@@ -115,88 +104,33 @@ EXAMPLES = (
     'gmwm calibrate static.csv --axis gyro --within "2*GM + WN + RW" --robust yes',
 )
 
-Outliers = Annotated[
-    Literal["auto", "yes", "no"],
-    EstimationOption(
-        help="Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for "
-        "all axes together; none if --within has a sinusoid); yes, all axes; no, none."
-    ),
-]
-
 
 @command
 def calibrate(
-    files: Files,
+    files: list[Path],
     reading: ReadOptions,
-    axis: Axes = None,
-    within: Searched = SEARCHED,
-    model: Annotated[
-        list[str] | None,
-        EstimationOption(
-            "--model",
-            "-m",
-            help="Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or accel=MODEL for the "
-            "three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes; gmwm chooses the "
-            "models of the axes that are not named.",
-            metavar="[AXIS=]MODEL",
-        ),
-    ] = None,
-    against: AgainstOption = None,
-    robust: Outliers = "auto",
-    efficiency: Efficiency = None,
-    weighting: ChoiceWeighting = "optimal",
-    criterion: CriterionName = "asymptotic",
-    confidence: Confidence = 0.95,
-    seed: Seed = 0,
+    axis: list[str] | None = None,
+    within: str = SEARCHED,
+    model: list[str] | None = None,
+    against: list[str] | None = None,
+    robust: Literal["auto", "yes", "no"] = "auto",
+    efficiency: float | None = None,
+    weighting: Weighting = "optimal",
+    criterion: Criterion = "asymptotic",
+    confidence: float = 0.95,
+    seed: int = 0,
     chunked: Chunked = "auto",
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    repeated: RepeatedOption = "auto",
-    gravity: Annotated[
-        float | None,
-        typer.Option(
-            help="Local gravity (m/s²), which determines the bias of the accelerometers. Default: 9.806 ± 0.016, the "
-            "range at sea level.",
-            rich_help_panel="Bias at rest",
-        ),
-    ] = None,
-    tilt: Annotated[
-        float | None,
-        typer.Option(
-            help="Largest possible angle (degrees) between the vertical and the accelerometer axis closest to it. "
-            "With this option, the biases of the level accelerometers are computed too; without it, only the bias of "
-            "the vertical accelerometer.",
-            rich_help_panel="Bias at rest",
-        ),
-    ] = None,
-    warmup: Annotated[
-        Literal["omit", "keep"],
-        InputOption(
-            help="If a warm-up at the beginning raises K by more than its uncertainty: leave the beginning out (omit) "
-            "if at least half of the recording is left, or use it (keep)."
-        ),
-    ] = "omit",
-    output: Annotated[
-        Path | None,
-        ResultOption(
-            "--output",
-            "-o",
-            help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to this "
-            "directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.",
-        ),
-    ] = None,
-    view: View = None,
-    datasheet: Units = None,
-    details: Annotated[
-        bool,
-        ResultOption(help="Print all numbers of each axis, and why its model was chosen, not one line for each axis."),
-    ] = False,
-    all_topics: Annotated[
-        bool,
-        InputOption(
-            help="Calibrate each IMU topic of a file that has several, and write each result to its own directory."
-        ),
-    ] = False,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    repeated: Repeated = "auto",
+    gravity: float | None = None,
+    tilt: float | None = None,
+    warmup: Literal["omit", "keep"] = "omit",
+    output: Path | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
+    details: bool = False,
+    all_topics: bool = False,
 ) -> Outcome:
     """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
@@ -211,6 +145,34 @@ def calibrate(
 
     --view, --datasheet and --si apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes this file.
+
+    Input:
+        warmup: If a warm-up at the beginning raises K by more than its uncertainty: leave the beginning out (omit) if
+            at least half of the recording is left, or use it (keep).
+        all_topics (--all-topics/--no-all-topics): Calibrate each IMU topic of a file that has several, and write each
+            result to its own directory.
+    Bias at rest:
+        gravity: Local gravity (m/s²), which determines the bias of the accelerometers. Default: 9.806 ± 0.016, the
+            range at sea level.
+        tilt: Largest possible angle (degrees) between the vertical and the accelerometer axis closest to it. With this
+            option, the biases of the level accelerometers are computed too; without it, only the bias of the vertical
+            accelerometer.
+    Estimation:
+        model (--model, -m [AXIS=]MODEL): Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or
+            accel=MODEL for the three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes;
+            gmwm chooses the models of the axes that are not named.
+        robust: Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for
+            all axes together; none if --within has a sinusoid); yes, all axes; no, none.
+    Parallel work:
+        scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the
+            recording and needs the file at the same path. Default: this process.
+        workers (≥ 1): Number of processes on this machine; each reads a part of the recording. Default: threads in one
+            process.
+    Result:
+        output (--output, -o): Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to
+            this directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.
+        details (--details/--no-details): Print all numbers of each axis, and why its model was chosen, not one line for
+            each axis.
     """
     terms = joined_against(against, AUTO)
     options = calibration_options(
@@ -262,9 +224,9 @@ def calibration_options(*, within: str, robust: str, efficiency: float | None, *
 
 
 def _unite(
-    groups: Sequence[Sequence[Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
+    groups: Sequence[Sequence[gmwm.Imu | Stream]], files: Sequence[Path], options: CalibrationOptions, *,
     scheduler: str | None, workers: int | None, helpers: Helpers,
-) -> Calibration:  # fmt: skip
+) -> gmwm.Calibration:  # fmt: skip
     """Calibrate a unit, of one group of recordings, or one for each sensor whose results are combined."""
     calibrations = []
     for group in groups:
@@ -282,7 +244,7 @@ def _unite(
 
 
 def _outcome(
-    found: Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
+    found: gmwm.Calibration, files: Sequence[Path], output: Path | None, *, view: ViewName, units: UnitSystem,
     details: bool, helpers: Helpers, topic: str | None,
 ) -> Outcome:  # fmt: skip
     """Return the outcome of the command, with the files to write; `topic` heads the summary of one of several."""
@@ -302,9 +264,9 @@ def _outcome(
 
 
 def run_calibration(
-    recording: Imu | Stream | Mapping[str, Imu | Stream], options: CalibrationOptions, helpers: Helpers, *,
+    recording: gmwm.Imu | Stream | Mapping[str, gmwm.Imu | Stream], options: CalibrationOptions, helpers: Helpers, *,
     scheduler: str | None = None, workers: int | None = None,
-) -> Calibration:  # fmt: skip
+) -> gmwm.Calibration:  # fmt: skip
     """Calibrate a recording, or several recordings of one unit by name, with a progress bar."""
     from gmwm.calibration.calibrate_recordings import STAGES, calibrate_recording
 
@@ -326,14 +288,13 @@ def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate."""
-    import_module("scipy.special")  # for the tests of each axis
-    import_module(before)
+    for module in ("scipy.special", "scipy.optimize", "gmwm.applications.monitor.baseline", before):
+        import_module(module)  # here, because all processes need it
     drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
-    drawn = drawing if plots and is_installed("matplotlib") else ()
-    return helpers_of(*drawn, "scipy.optimize", "gmwm.applications.monitor.baseline", count=count)
+    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
-def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
+def pictures(found: gmwm.Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file. Without Matplotlib, there are none."""
     if not is_installed("matplotlib"):
         return {}
@@ -346,8 +307,9 @@ def pictures(found: Calibration, view: ViewName, units: UnitSystem) -> dict[str,
 
 
 def calibration_files(
-    found: Calibration, folder: Path, *, document: Mapping[str, Any], text: str, plots: Callable[[], dict[str, bytes]]
-) -> tuple[NewFile, ...]:
+    found: gmwm.Calibration, folder: Path, *, document: Mapping[str, Any], text: str,
+    plots: Callable[[], dict[str, bytes]],
+) -> tuple[NewFile, ...]:  # fmt: skip
     """Return the files to write for a calibration: calibration.json, report, summary and two plots."""
     return (
         text_file(folder / "calibration.json", as_text(document)),

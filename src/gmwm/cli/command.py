@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import wraps
-from inspect import Parameter, Signature, get_annotations, signature
+from importlib.util import LazyLoader, find_spec, module_from_spec
+from inspect import Parameter, Signature, get_annotations, getdoc, signature
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 from typer.models import ArgumentInfo, OptionInfo
 
@@ -18,7 +19,7 @@ from gmwm.base.extras import library
 from gmwm.base.lazy import tomllib
 from gmwm.base.template import shell_option
 from gmwm.base.text import counted
-from gmwm.cli.options import AllRemarks, Json
+from gmwm.cli.options import SHARED, option_texts
 from gmwm.cli.output import Outcome, collect_warnings, finish
 from gmwm.cli.read_options import ReadOptionTexts
 from gmwm.recording.options import ReadOptions
@@ -84,40 +85,58 @@ def _text(value: Any) -> str:
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     """Turn a function that returns an Outcome into a shell command that prints it, writes its files, and prints
-    warnings on stderr. `ReadOptions` become those of `ReadOptionTexts`; --all-remarks and --json are added."""
+    warnings on stderr. `ReadOptions` become those of `ReadOptionTexts`; --all-remarks and --json are added. Texts of
+    the parameters are in the docstring or in `SHARED`, unless a type has an option of Typer."""
+    description, own = option_texts(getdoc(function) or "")
+    texts = option_texts(SHARED)[1] | own
     # In Python 3.10, get_type_hints puts the types of parameters whose default is None into Optional.
-    hints, texts = get_annotations(function, eval_str=True), get_annotations(ReadOptionTexts, eval_str=True)
-    parameters: list[Parameter] = []
-    for declared in signature(function).parameters.values():
-        if hints[declared.name] is ReadOptions:
-            parameters += (
-                Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=texts[field.name])
-                for field in fields(ReadOptionTexts)
-            )
+    hints, read_hints = get_annotations(function, eval_str=True), get_annotations(ReadOptionTexts, eval_str=True)
+    declared: dict[str, tuple[Any, Any]] = {}  # type and default of each parameter
+    for parameter in signature(function).parameters.values():
+        if hints[parameter.name] is ReadOptions:
+            declared |= {field.name: (read_hints[field.name], field.default) for field in fields(ReadOptionTexts)}
         else:
-            parameters.append(declared.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[declared.name]))
-    own_json = "json" in hints
-    if not own_json:
-        parameters.append(Parameter("json", Parameter.KEYWORD_ONLY, default=False, annotation=Json))
-    parameters.append(Parameter("all_remarks", Parameter.KEYWORD_ONLY, default=False, annotation=AllRemarks))
+            declared[parameter.name] = hints[parameter.name], parameter.default
+    own_json = "json" in declared
+    declared |= {"json": declared.get("json", (bool, False)), "all_remarks": (bool, False)}
+    parameters = [
+        Parameter(
+            name, Parameter.KEYWORD_ONLY, default=default,
+            annotation=hint if get_origin(hint) is Annotated else texts[name].annotate(name, hint),
+        )
+        for name, (hint, default) in declared.items()
+    ]  # fmt: skip
     reads = next((name for name, hint in hints.items() if hint is ReadOptions), None)
     names = {parameter.name: _shell_name(parameter) for parameter in parameters}
 
     @wraps(function)
-    def run(**declared: Any) -> None:
-        json = declared["json"] if own_json else declared.pop("json")
-        every = declared.pop("all_remarks")
-        if declared.get("plot") is not None:
+    def run(**values: Any) -> None:
+        _spare_numpy()
+        json = values["json"] if own_json else values.pop("json")
+        every = values.pop("all_remarks")
+        if values.get("plot") is not None:
             library("matplotlib")  # before the work, which may take minutes
-        with collect_warnings(every=every) as warned, _named_by(names, dict(declared)):
+        with collect_warnings(every=every) as warned, _named_by(names, dict(values)):
             if reads is not None:
-                options = {field.name: declared.pop(field.name) for field in fields(ReadOptionTexts)}
-                declared[reads] = ReadOptionTexts(**with_settings(options, Path.cwd())).parse()
-            finish(function(**declared), warned, json=json, every=every)
+                options = {field.name: values.pop(field.name) for field in fields(ReadOptionTexts)}
+                values[reads] = ReadOptionTexts(**with_settings(options, Path.cwd())).parse()
+            finish(function(**values), warned, json=json, every=every)
 
+    run.__doc__ = description
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
+
+
+def _spare_numpy() -> None:
+    """Load parts of NumPy only if they are used: SciPy asks for all names of NumPy, a third of its time of import."""
+    for name in ("f2py", "testing", "ctypeslib"):
+        path = f"numpy.{name}"
+        if "numpy" in sys.modules and path not in sys.modules and (spec := find_spec(path)) and spec.loader:
+            spec.loader = LazyLoader(spec.loader)
+            sys.modules[path] = module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+            setattr(sys.modules["numpy"], name, module)
 
 
 def _shell_name(parameter: Parameter) -> str:

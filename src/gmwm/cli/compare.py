@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import Efficiency, EstimationOption, Plot, Units, View, picture_units, unit_system
-from gmwm.cli.output import Outcome, calibration_file, plot_file, table_text, tell
-from gmwm.cli.read_options import Axes, chosen_axes, load
+from gmwm.cli.options import View, picture_units, unit_system
+from gmwm.cli.output import Outcome, calibration_file, over_axes, plot_file, table_text, tell
+from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Signal
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -29,17 +26,15 @@ EXAMPLES = (
 
 @command
 def compare(
-    files: Annotated[
-        list[Path], typer.Argument(help="One or more recordings, each in any supported format.", metavar="FILE…")
-    ],
+    files: list[Path],
     reading: ReadOptions,
-    axis: Axes = None,
-    classical: Annotated[bool, EstimationOption("--classical", help="Show only the classical curve.")] = False,
-    robust: Annotated[bool, EstimationOption("--robust", help="Show only the robust curve.")] = False,
-    efficiency: Efficiency = None,
-    view: View = None,
-    datasheet: Units = None,
-    plot: Plot = None,
+    axis: list[str] | None = None,
+    classical: bool = False,
+    robust: bool = False,
+    efficiency: float | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Compare the classical and robust wavelet variances of one or several recordings.
 
@@ -47,6 +42,12 @@ def compare(
     errors. The robust curve tolerates up to 26 % bad coefficients; at level j, one bad sample affects 2^j coefficients.
     If more than half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero,
     and the command prints a warning.
+
+    Arguments:
+        files (FILE…): One or more recordings, each in any supported format.
+    Estimation:
+        classical: Show only the classical curve.
+        robust: Show only the robust curve.
     """
     if calibrations := [
         file for file in files if calibration_file(file).is_file() and calibration_file(file).suffix == ".json"
@@ -64,7 +65,7 @@ def compare(
         )  # fmt: skip
     kinds = [kind for kind, chosen in (("classical", classical), ("robust", robust)) if chosen or classical == robust]
     system = unit_system(datasheet)
-    curves: dict[str, dict[str, WaveletVariance]] = {}
+    curves: dict[str, dict[str, gmwm.WaveletVariance]] = {}
     for file, name in zip(files, _names(files), strict=True):
         signals = chosen_axes(load(file, reading), axis)
         for kind in kinds:
@@ -91,20 +92,20 @@ def _names(files: Sequence[Path]) -> list[str]:
     raise OptionError(f"a recording is given twice: {', '.join(map(str, files))}", argument="files", got=files)
 
 
-def _measure(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
-    from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
-
+def _measure(
+    signals: Mapping[str, gmwm.Signal], kind: str, efficiency: float | None
+) -> dict[str, gmwm.WaveletVariance]:
     robust = kind == "robust"
     measure = partial(
-        wavelet_variance, robust=robust, efficiency=efficiency if robust and efficiency is not None else 0.6
+        gmwm.wavelet_variance, robust=robust, efficiency=efficiency if robust and efficiency is not None else 0.6
     )
     return over_axes(measure, signals, f"{kind} wavelet variance")
 
 
-def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
+def _draw(
+    curves: Mapping[str, Mapping[str, gmwm.WaveletVariance]], view: ViewName, system: UnitSystem, path: Path
+) -> None:
     """Plot the curves to a file, with one panel for each axis."""
-    from gmwm import compare as draw_one
     from gmwm.showing.plots.imu import plot_imu
     from gmwm.showing.plots.labels import axis_title
 
@@ -112,10 +113,10 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
         plot_imu(curves, view=view, units=system, path=path)
         return
     ((name, group),) = curves.items()
-    draw_one(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
+    gmwm.compare(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
 
 
-def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
+def _curves_text(curves: Mapping[str, Mapping[str, gmwm.WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each axis, with a column for each curve."""
     from gmwm.showing.plots.labels import view_of
 

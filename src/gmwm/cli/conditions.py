@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+import gmwm
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, plot_file, text_file
+from gmwm.cli.output import NewFile, Outcome, json_text, make_directory, optional_plots, over_axes, plot_file, text_file
 from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.fitting.estimation import ConditionsFit
-    from gmwm.recording.signals import Imu, Signal
-    from gmwm.theory.processes import Model
 
 _EXPECTED = "a table with the columns start, stop and the condition, or time and the condition: `start,stop,rate`"
 
@@ -52,7 +51,7 @@ class ConditionTable:
                 raise ReadError(f"{path}: two parts overlap between {start:g} s and {stop:g} s", argument="conditions")
         return cls(head[2], {condition: sorted(intervals) for condition, intervals in sorted(parts.items())})
 
-    def of(self, recording: Imu) -> dict[float, Imu]:
+    def of(self, recording: gmwm.Imu) -> dict[float, gmwm.Imu]:
         """Return a recording for each value of the condition. It has a gap between two separate parts."""
         recordings = {}
         for condition, intervals in self.parts.items():
@@ -77,7 +76,7 @@ class ConditionCourse:
             raise ReadError(f"{path}: two or more ascending times are needed", argument="conditions")
         return cls(head[1], times, values)
 
-    def of(self, signal: Signal) -> Vector:
+    def of(self, signal: gmwm.Signal) -> Vector:
         """Return the condition at the samples of a signal, interpolated linearly."""
         times = signal.times() - signal.times(np.array([0]))
         if times[0] < self.times[0] or times[-1] > self.times[-1] + 1 / signal.rate:
@@ -138,14 +137,12 @@ def require_unused(conditions: bool, *, varies: bool, **others: bool) -> None:
 
 
 def fit_conditions(
-    file: Path, reading: ReadOptions, model: Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
+    file: Path, reading: ReadOptions, model: gmwm.Model, table: Path, varies: Sequence[str], axis: Sequence[str] | None,
     *, weighting: Literal["diagonal", "optimal", "identity"] | None, robust: bool, efficiency: float, certify: bool,
     plot: Path | None, output: Path | None,
 ) -> Outcome:  # fmt: skip
     """Fit one model to the parts of a recording that the CSV file `table` lists."""
-    from gmwm import fit, wavelet_variance
     from gmwm.choosing.datasheets import numbers_at
-    from gmwm.cli.output import over_axes
     from gmwm.fitting.estimation.varies import parse_varies as parsed_functions
 
     sums, conditions = as_varies(varies), read_table(table)
@@ -163,17 +160,17 @@ def fit_conditions(
             advice="Select it with {--axis=gyro_z}, or use --output.",
         )  # fmt: skip
 
-    def work(signal: Signal) -> ConditionsFit:
+    def work(signal: gmwm.Signal) -> ConditionsFit:
         if isinstance(conditions, ConditionCourse):
-            return fit(
+            return gmwm.fit(
                 model, signal, weighting=weighting, robust=robust, efficiency=efficiency, certify=certify, varies=sums,
                 against={conditions.condition: conditions.of(signal)},
             )  # fmt: skip
         curves = {
-            condition: wavelet_variance(imu[signal.axis], robust=robust, efficiency=efficiency)
+            condition: gmwm.wavelet_variance(imu[signal.axis], robust=robust, efficiency=efficiency)
             for condition, imu in parts.items()
         }
-        condition_fit = fit(model, curves, weighting=weighting, certify=certify, varies=sums)
+        condition_fit = gmwm.fit(model, curves, weighting=weighting, certify=certify, varies=sums)
         return replace(condition_fit, condition=conditions.condition)
 
     fits = over_axes(work, {name: recording[name] for name in names}, "fitting")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Literal
 
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.model_source import NoiseText, calibration_in, noise_of
-from gmwm.cli.options import Plot, ResultOption
+from gmwm.cli.model_source import calibration_in, noise_of
 from gmwm.cli.output import Outcome, file_names, plot_file, progress
-from gmwm.cli.read_options import Axes, File, chosen_names, load
+from gmwm.cli.read_options import chosen_names, load
 from gmwm.recording.options import ReadOptions
 
 EXAMPLES = (
@@ -23,22 +23,14 @@ FORMS: dict[str, Literal["N, K", "N, sigma, T", "model"]] = {"nk": "N, K", "mark
 
 @command
 def consistency(
-    source: NoiseText,
-    file: File,
+    source: str,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
-    filter: Annotated[
-        Literal["nk", "markov", "model"],
-        ResultOption(
-            help="nk: white noise N and a random walk K. markov: N and a Gauss-Markov bias with sigma and T. model: "
-            "the state space of the whole model."
-        ),
-    ] = "nk",
-    horizons: Annotated[
-        str, ResultOption(help="Horizons of the verdict, separated by commas.", metavar="LENGTHS")
-    ] = "1s,10s,60s",
-    level: Annotated[float, ResultOption(help="Confidence level of intervals and bands.")] = 0.95,
-    plot: Plot = None,
+    axis: list[str] | None = None,
+    filter: Literal["nk", "markov", "model"] = "nk",
+    horizons: str = "1s,10s,60s",
+    level: float = 0.95,
+    plot: Path | None = None,
 ) -> Outcome:
     """Test whether a filter with the calibrated noise claims the error that it makes on a recording at rest.
 
@@ -46,6 +38,15 @@ def consistency(
     that the filter claims with the error that it makes, and has the normalised innovation squared (NIS) of single
     samples. ✓ is a claim of 0.8 to 1.3 times the error, ✗ a claim outside, and ? a recording that is too short. Use a
     recording from which the noise was not calibrated.
+
+    Arguments:
+        source (SOURCE): The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of
+            them; or the numbers of a datasheet or a file of another program, as for gmwm export --from.
+    Result:
+        filter: nk: white noise N and a random walk K. markov: N and a Gauss-Markov bias with sigma and T. model: the
+            state space of the whole model.
+        horizons (LENGTHS): Horizons of the verdict, separated by commas.
+        level: Confidence level of intervals and bands.
     """
     from gmwm.applications.monitor import consistency
 

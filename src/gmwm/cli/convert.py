@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.cli.command import command
-from gmwm.cli.options import ResultOption, named_as_options
+from gmwm.cli.options import named_as_options
 from gmwm.cli.output import Outcome, progress
-from gmwm.cli.read_options import File, load
+from gmwm.cli.read_options import load
 from gmwm.recording.options import ReadOptions
 
 EXAMPLES = (
@@ -25,17 +22,10 @@ EXAMPLES = (
 
 @command
 def convert(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    output: Annotated[Path, typer.Argument(help="File to write: .parquet, .csv, .mcap or .imu.", metavar="OUT")],
-    to: Annotated[
-        str | None,
-        ResultOption(
-            help="Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT "
-            "or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.",
-            metavar="FORMAT",
-        ),
-    ] = None,
+    output: Path,
+    to: str | None = None,
 ) -> Outcome:
     """Convert a recording to Parquet, CSV, MCAP or .imu.
 
@@ -43,6 +33,12 @@ def convert(
     Parquet and CSV files keep all digits. An .mcap file holds messages sensor_msgs/msg/Imu of ROS 2, with stamps in
     whole nanoseconds and no temperature. An .imu file holds increments as integer counts, whose size depends on the
     type of its records, and no temperature.
+
+    Arguments:
+        output (OUT): File to write: .parquet, .csv, .mcap or .imu.
+    Result:
+        to (FORMAT): Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT
+            or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.
     """
     from gmwm.recording.writers import MCAP, RECORDS
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
+import gmwm
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
-from gmwm.cli.options import Efficiency, EstimationOption, Plot, ResultOption
+from gmwm.cli.measuring import open_recording, tell_inspection
+from gmwm.cli.options import Chunked
 from gmwm.cli.output import Outcome, plot_file, progress, text_file
-from gmwm.cli.read_options import Axes, File, chosen_names
+from gmwm.cli.read_options import chosen_names
 from gmwm.recording.options import ReadOptions
 
 EXAMPLES = ("gmwm cross static.csv --axis gyro --plot cross.png", "gmwm cross static.csv --robust --csv cross.csv")
@@ -18,21 +18,15 @@ EXAMPLES = ("gmwm cross static.csv --axis gyro --plot cross.png", "gmwm cross st
 
 @command
 def cross(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
-    robust: Annotated[
-        bool, EstimationOption("--robust", help="Use robust estimates, which are insensitive to knocks.")
-    ] = False,
-    efficiency: Efficiency = None,
+    axis: list[str] | None = None,
+    robust: bool = False,
+    efficiency: float | None = None,
     chunked: Chunked = "auto",
-    size: Annotated[
-        float, EstimationOption(help="Significance level: probability of any false detection in all tests together.")
-    ] = 0.05,
-    csv: Annotated[
-        Path | None, ResultOption(help="Write the correlations of all pairs and scales to this CSV file.")
-    ] = None,
-    plot: Plot = None,
+    size: float = 0.05,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Test whether the axes of a recording share noise, at which scales, and how much.
 
@@ -40,13 +34,17 @@ def cross(
     confidence interval and a test. Axes can share noise through the supply voltage, the temperature or vibrations of
     the table. A filter that treats such axes as independent underestimates its errors, and averaging them reduces the
     noise less.
-    """
-    from gmwm.applications.several import cross
 
+    Estimation:
+        robust: Use robust estimates, which are insensitive to knocks.
+        size: Significance level: probability of any false detection in all tests together.
+    Result:
+        csv: Write the correlations of all pairs and scales to this CSV file.
+    """
     recording = open_recording(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):
-        result = cross(
+        result = gmwm.cross(
             recording, axes=axes, robust=robust, efficiency=0.6 if efficiency is None else efficiency, size=size
         )
     tell_inspection(recording)

@@ -7,10 +7,9 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
+import gmwm
 from gmwm.base.remarks import Dialect
 from gmwm.base.text import TEXT_WIDTH
 from gmwm.calibration import Calibration
@@ -18,10 +17,10 @@ from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
+from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
-from gmwm.cli.options import Json
 from gmwm.cli.output import Outcome, file_names, make_directory, progress, table_text
 from gmwm.measuring.inspection.result import text as inspection_text
 from gmwm.recording.signals import Imu
@@ -36,21 +35,19 @@ RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 
 @command
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the files of the demo.")] = Path(
-        "demo-output"
-    ),
-    seed: Annotated[
-        int, typer.Option(help="Seed of the simulation. Another seed gives another recording of the same unit.", min=0)
-    ] = 2018,
-    json: Json = False,
+    output: Path = Path("demo-output"),
+    seed: int = 2018,
+    json: bool = False,
 ) -> Outcome:
     """Simulate a six-axis IMU, calibrate it, and compare the result with the truth.
 
     The simulated recording is written to a file, and then read, inspected, calibrated and plotted like your own
     recordings.
+
+    Options:
+        output (--output, -o): Directory for the files of the demo.
+        seed (≥ 0): Seed of the simulation. Another seed gives another recording of the same unit.
     """
-    from gmwm.files.readers import read
-    from gmwm.measuring.inspection import inspect
     from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
@@ -61,9 +58,9 @@ def demo(
     say = _silent if json else print
     say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nRead it from {file}:\n")
     with progress(f"reading {file}"):
-        imu = read(file)
+        imu = gmwm.read(file)
     with progress("inspecting"):
-        inspection = inspect(imu)
+        inspection = gmwm.inspect(imu)
     lines = inspection_text(inspection, Dialect.SHELL).splitlines()
     say("\n".join(part for line in lines for part in ([line] if len(line) <= TEXT_WIDTH else wrap_text(line))) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
@@ -90,10 +87,8 @@ def demo(
 
 def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """Simulate a recording, and write it to a file."""
-    from gmwm.theory.simulation import simulate
-
     with progress("simulating"):
-        imu = simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
+        imu = gmwm.simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu
@@ -118,8 +113,6 @@ def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str
 
 
 def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Model], found: Calibration) -> str:
-    from gmwm.choosing.selection.structure import structure_of
-
     table, rules = [], []
     for k, row in enumerate(rows):
         first = k == 0 or rows[k - 1]["axis"] != row["axis"]

@@ -9,18 +9,21 @@ from typing import Annotated, Literal, TypedDict
 
 import typer
 
+import gmwm
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import DataError, MissingTheoryError, OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length
+from gmwm.base.units import sensor_of
 from gmwm.calibration import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.cli.command import command
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import ResultOption
+from gmwm.cli.model_source import read_given
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, make_directory, text_file
 from gmwm.cli.read_options import document_of
-from gmwm.showing.exporters import export_formats
+from gmwm.showing.exporters import export as exported
+from gmwm.showing.exporters import export_all, export_formats
+from gmwm.showing.exporters.base import require_extension
 
 EXAMPLES = (
     "gmwm export results/calibration.json --format kalibr --output imu.yaml",
@@ -35,15 +38,8 @@ DEFAULT = "kalibr"
 
 @command
 def export(
-    calibrations: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="The calibration.json that gmwm calibrate --output wrote, or its folder. Give two if gyroscopes and "
-            "accelerometers were calibrated separately. The state-space formats also accept the fits.json of gmwm fit.",
-            metavar="CALIBRATION...",
-        ),
-    ] = None,
-    source: GivenText = None,
+    calibrations: list[Path] | None = None,
+    source: str | None = None,
     format: Annotated[
         str | None,
         typer.Option(
@@ -52,40 +48,13 @@ def export(
             autocompletion=lambda incomplete: [name for name in export_formats() if name.startswith(incomplete)],
         ),
     ] = None,
-    axes: Annotated[
-        Literal["worst", "mean", "each"] | None,
-        typer.Option(
-            help="How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or "
-            "one value for each axis (each) if the format allows it. Default: worst for filters, each for simulators "
-            "and messages."
-        ),
-    ] = None,
-    inflation: Annotated[
-        float, typer.Option(help="Factor on all standard deviations. Variances are multiplied by its square.")
-    ] = 1.0,
-    horizon: Annotated[
-        str,
-        typer.Option(
-            help="Time over which a filter with N and K predicts best and states its real error, such as 100ms, 1s, "
-            "1min or a number of seconds.",
-            metavar="LENGTH",
-        ),
-    ] = f"{DEFAULT_HORIZON_S:g}s",
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate (Hz) in the other program. Default: the rate of the recording.")
-    ] = None,
-    duration: Annotated[
-        str | None,
-        typer.Option(
-            help="For programs that model the bias as a Gauss-Markov process: longest averaging time to which this "
-            "process is fitted. Default: 1h, or the duration of the recording if it is shorter.",
-            metavar="LENGTH",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, ResultOption("--output", "-o", help="Write to this file. Default: print the text.")
-    ] = None,
-    all: Annotated[Path | None, ResultOption("--all", help="Write one file in each format to this directory.")] = None,
+    axes: Literal["worst", "mean", "each"] | None = None,
+    inflation: float = 1.0,
+    horizon: str = f"{DEFAULT_HORIZON_S:g}s",
+    rate: float | None = None,
+    duration: str | None = None,
+    output: Path | None = None,
+    all: Path | None = None,
 ) -> Outcome:
     """Write the noise of a calibrated unit in the format of another program.
 
@@ -93,6 +62,24 @@ def export(
     processes, the file contains the upper limit from the data instead of zero, and a comment says so. The header of
     each file states the units, whether the values are for continuous or discrete time, how axes are combined, and the
     inflation, horizon, models and source.
+
+    Arguments:
+        calibrations (CALIBRATION...): The calibration.json that gmwm calibrate --output wrote, or its folder. Give two
+            if gyroscopes and accelerometers were calibrated separately. The state-space formats also accept the
+            fits.json of gmwm fit.
+    Options:
+        axes: How to combine the axes of a sensor: use the largest value (worst), the root mean square (mean), or one
+            value for each axis (each) if the format allows it. Default: worst for filters, each for simulators and
+            messages.
+        inflation: Factor on all standard deviations. Variances are multiplied by its square.
+        horizon (LENGTH): Time over which a filter with N and K predicts best and states its real error, such as 100ms,
+            1s, 1min or a number of seconds.
+        rate: Sampling rate (Hz) in the other program. Default: the rate of the recording.
+        duration (LENGTH): For programs that model the bias as a Gauss-Markov process: longest averaging time to which
+            this process is fitted. Default: 1h, or the duration of the recording if it is shorter.
+    Result:
+        output (--output, -o): Write to this file. Default: print the text.
+        all: Write one file in each format to this directory.
     """
     if all is not None and (format is not None or output is not None):
         raise OptionError(
@@ -113,9 +100,10 @@ def export(
     return _one(calibration, files, output=output, name=written, choice=choice)
 
 
-def _source(calibrations: list[Path] | None, source: str | None, rate: float | None) -> tuple[list[Path], Calibration]:
+def _source(
+    calibrations: list[Path] | None, source: str | None, rate: float | None
+) -> tuple[list[Path], gmwm.Calibration]:
     """Return the input files and the calibration to export, from the given calibrations or from --from."""
-    from gmwm import Calibration
     from gmwm.showing.exporters.given import given_calibration
 
     if (source is None) == (not calibrations):
@@ -126,13 +114,12 @@ def _source(calibrations: list[Path] | None, source: str | None, rate: float | N
     if source is not None:
         return [Path(source)], given_calibration(read_given(source, rate))
     files = [calibration_file(path) for path in calibrations or ()]
-    first, *others = [Calibration.load(file) for file in files]
+    first, *others = [gmwm.Calibration.load(file) for file in files]
     return files, first.combined(*others)
 
 
 def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | None:
     """Return the fits of a fits.json as a calibration; None if none of the files is a fits.json."""
-    from gmwm import Fit
     from gmwm.cli.plan import fits_in
     from gmwm.showing.exporters.given import fitted_calibration
 
@@ -147,7 +134,7 @@ def _fits_source(files: Sequence[Path], format: str | None) -> Calibration | Non
             "`gmwm calibrate`.",
         )  # fmt: skip
     recording, fits = fits_in(files[0])
-    return fitted_calibration({axis: Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
+    return fitted_calibration({axis: gmwm.Fit.from_dict(content) for axis, content in fits.items()}, recording or "")
 
 
 def _is_fits(path: Path) -> bool:
@@ -175,9 +162,6 @@ def _one(
     found: Calibration, files: Sequence[Path], output: Path | None, name: str, choice: _ExportArguments
 ) -> Outcome:
     """Return the outcome of an export in one format, which is written to `output` or, if that is None, printed."""
-    from gmwm.showing.exporters import export as exported
-    from gmwm.showing.exporters.base import require_extension
-
     if output is not None:
         require_extension(name, output, "output")
     text = exported(found, None, name, **choice)
@@ -190,8 +174,6 @@ def _one(
 
 def _all(found: Calibration, files: Sequence[Path], folder: Path, choice: _ExportArguments) -> Outcome:
     """Write every format that the calibration allows. For each other format, a remark gives the reason."""
-    from gmwm.showing.exporters import export_all
-
     written, refused = export_all(found, folder, **choice)
     paths = tuple(written.values())
     return Outcome(
@@ -212,9 +194,6 @@ class KalibrFile:
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Return imu.yaml if both sensors are calibrated and the data give a value or an upper limit for each number."""
-    from gmwm.base.units import sensor_of
-    from gmwm.showing.exporters import export as exported
-
     target, remarks = folder / "imu.yaml", []
     if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:
         try:

@@ -9,55 +9,36 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+import gmwm
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fit_conditions, require_unused
-from gmwm.cli.measuring import Chunked, measure_together, memory_for, needs_memory, open_together
-from gmwm.cli.model_source import (
-    LIKELIHOOD,
-    LikelihoodResult,
-    asked_again,
-    judge_fits,
-    likelihood_fits,
-    likelihoods_text,
-)
+from gmwm.cli.measuring import measure_together, memory_for, needs_memory, open_together
+from gmwm.cli.model_source import LikelihoodResult, asked_again, judge_fits, likelihood_fits, likelihoods_text
 from gmwm.cli.model_source import as_dict as likelihood_as_dict
-from gmwm.cli.options import (
-    AgainstOption,
-    Efficiency,
-    EstimationOption,
-    ResultOption,
-    Robust,
-    TransformName,
-    Units,
-    View,
-    checked_confidence,
-    chosen_efficiency,
-    joined_against,
-    picture_units,
-)
+from gmwm.cli.options import Chunked, Transform, View, chosen_efficiency, joined_against, picture_units
 from gmwm.cli.output import (
     NewFile,
     Outcome,
     json_text,
     make_directory,
     optional_plots,
+    over_axes,
     progress,
     table_text,
     tell,
     text_file,
     units_text,
 )
-from gmwm.cli.read_options import Axes, Files, chosen_axes, document_of, only_file
+from gmwm.cli.read_options import chosen_axes, document_of, only_file
 from gmwm.measuring.regression.against import NONE
 from gmwm.recording.options import ReadOptions
 from gmwm.theory.processes import ordered_classes, registry
 
 if TYPE_CHECKING:
-    from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.estimation.starts import Sampled
     from gmwm.fitting.estimation.summary import IntervalMethod
-    from gmwm.recording.signals import Signal
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -78,7 +59,7 @@ _PROCESSES = ", ".join(
 
 @command
 def fit(
-    files: Files,
+    files: list[Path],
     reading: ReadOptions,
     model: Annotated[
         str,
@@ -90,88 +71,26 @@ def fit(
             metavar="MODEL",
         ),
     ],
-    axis: Axes = None,
-    against: AgainstOption = None,
-    conditions: Annotated[
-        Path | None,
-        EstimationOption(
-            help="CSV table of a condition. Its columns are start, stop (s from the first sample) and the condition, "
-            "for example start,stop,rate, if it was constant in parts of the recording; or time and the condition, "
-            "time,rate, if it moved. One model is fitted to all values.",
-            metavar="TABLE",
-        ),
-    ] = None,
-    varies: Annotated[
-        list[str] | None,
-        EstimationOption(
-            help="With --conditions: how the variance of a term depends on the condition, as a sum of known functions "
-            "with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta: rate' is "
-            "the shape β = exp(a + b rate). Repeat the option for other terms.",
-            metavar="TERM: SUM",
-        ),
-    ] = None,
-    weighting: Annotated[
-        Literal["diagonal", "optimal", "identity"] | None,
-        EstimationOption(
-            help="Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal), "
-            "or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters "
-            "such as AR(2)."
-        ),
-    ] = None,
-    filter: Annotated[
-        str,
-        EstimationOption(
-            "--filter",
-            "--moments",
-            help="Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of first differences "
-            "at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood. Filters: haar, "
-            "d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
-        ),
-    ] = "haar",
-    transform: TransformName = "modwt",
-    robust: Robust = False,
-    efficiency: Efficiency = None,
-    likelihood: Annotated[
-        bool,
-        EstimationOption(
-            *LIKELIHOOD,
-            help="Refine the wavelet fit by maximum likelihood, and print both. Outliers affect the likelihood.",
-        ),
-    ] = False,
-    certify: Annotated[
-        bool,
-        EstimationOption("--certify/--no-certify", help="Compute a certificate that the fit is the global optimum."),
-    ] = True,
-    start_draws: Annotated[
-        int | None,
-        EstimationOption(
-            "--start-draws",
-            help="Start from the best of this number of random parameter values instead of the usual search. Only for "
-            "comparisons with the original method. --seed sets the random numbers.",
-            metavar="DRAWS",
-            min=1,
-        ),
-    ] = None,
-    confidence: Annotated[
-        float, ResultOption(callback=checked_confidence, help="Level of the confidence intervals.", metavar="LEVEL")
-    ] = 0.95,
-    bootstrap_draws: Annotated[
-        int | None,
-        ResultOption(
-            "--bootstrap-draws",
-            help="Compute the intervals and the goodness-of-fit test from this number of simulated records, for "
-            "example 500, instead of from theory. Intervals at 95 % need at least 39 records.",
-            metavar="DRAWS",
-        ),
-    ] = None,
-    seed: Annotated[int, ResultOption(help="Seed of the bootstrap and of the random draws.", min=0)] = 0,
+    axis: list[str] | None = None,
+    against: list[str] | None = None,
+    conditions: Path | None = None,
+    varies: list[str] | None = None,
+    weighting: Literal["diagonal", "optimal", "identity"] | None = None,
+    filter: str = "haar",
+    transform: Transform = "modwt",
+    robust: bool = False,
+    efficiency: float | None = None,
+    likelihood: bool = False,
+    certify: bool = True,
+    start_draws: int | None = None,
+    confidence: float = 0.95,
+    bootstrap_draws: int | None = None,
+    seed: int = 0,
     chunked: Chunked = "auto",
-    plot: Annotated[Path | None, ResultOption(help="Plot the fits to this .png, .pdf or .svg file.")] = None,
-    output: Annotated[
-        Path | None, ResultOption(help="Write fits.json and a plot of each fit to this directory.")
-    ] = None,
-    view: View = None,
-    datasheet: Units = None,
+    plot: Path | None = None,
+    output: Path | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
 ) -> Outcome:
     """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
@@ -182,11 +101,36 @@ def fit(
 
     If several files are given, they must be recordings of one unit. One model is fitted to the mean of their curves,
     and a test shows whether the recordings have the same noise. The intervals include the spread between recordings.
+
+    Estimation:
+        conditions (TABLE): CSV table of a condition. Its columns are start, stop (s from the first sample) and the
+            condition, for example start,stop,rate, if it was constant in parts of the recording; or time and the
+            condition, time,rate, if it moved. One model is fitted to all values.
+        varies (TERM: SUM): With --conditions: how the variance of a term depends on the condition, as a sum of known
+            functions with unknown coefficients, for example 'WN: 1 + rate**2' or 'WN: hats(-20, 20, 60)'. 'GM.beta:
+            rate' is the shape β = exp(a + b rate). Repeat the option for other terms.
+        weighting: Weights of the levels in the fit: inverse variances (diagonal), inverse covariance matrix (optimal),
+            or equal weights (identity). Default: diagonal, but optimal for processes with several shape parameters such
+            as AR(2).
+        filter (--filter, --moments): Wavelet filter, or moments of the fit. 'haar + lags:8' adds the autocovariances of
+            first differences at the lags 1 to 8, which makes MA and ARMA models as precise as maximum likelihood.
+            Filters: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.
+        likelihood (--likelihood, --ml): Refine the wavelet fit by maximum likelihood, and print both. Outliers affect
+            the likelihood.
+        certify (--certify/--no-certify): Compute a certificate that the fit is the global optimum.
+        start_draws (DRAWS ≥ 1): Start from the best of this number of random parameter values instead of the usual
+            search. Only for comparisons with the original method. --seed sets the random numbers.
+    Result:
+        confidence (LEVEL): Level of the confidence intervals.
+        bootstrap_draws (DRAWS): Compute the intervals and the goodness-of-fit test from this number of simulated
+            records, for example 500, instead of from theory. Intervals at 95 % need at least 39 records.
+        seed (≥ 0): Seed of the bootstrap and of the random draws.
+        plot: Plot the fits to this .png, .pdf or .svg file.
+        output: Write fits.json and a plot of each fit to this directory.
     """
-    from gmwm import Imu, Model
     from gmwm.fitting.estimation import Sampled
 
-    parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
+    parsed, strength = gmwm.Model.parse(model), chosen_efficiency(robust, efficiency)
     require_unused(
         conditions is not None, varies=bool(varies), against=against is not None, likelihood=likelihood,
         start_draws=start_draws is not None, bootstrap_draws=bootstrap_draws is not None, filter=filter != "haar",
@@ -198,11 +142,11 @@ def fit(
             weighting=weighting, robust=robust, efficiency=strength, certify=certify, plot=plot, output=output,
         )  # fmt: skip
     if likelihood:
-        only_file(files, LIKELIHOOD[0])
+        only_file(files, "--likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)
     terms = joined_against(against, NONE)
     memory = memory_for(terms, needs_memory(filter, transform))
-    recordings = open_together(files, reading, chunked, whole=LIKELIHOOD[0] if likelihood else memory)
+    recordings = open_together(files, reading, chunked, whole="--likelihood" if likelihood else memory)
     if output is not None:
         make_directory(output)
     signals = measure_together(
@@ -214,7 +158,7 @@ def fit(
     )  # fmt: skip
     _tell_curves(fits)
     carried = {}
-    if likelihood and isinstance(recording := next(iter(recordings.values())), Imu):
+    if likelihood and isinstance(recording := next(iter(recordings.values())), gmwm.Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
         carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
@@ -225,14 +169,14 @@ def fit(
     )  # fmt: skip
 
 
-def _tell_curves(fits: Mapping[str, Fit]) -> None:
+def _tell_curves(fits: Mapping[str, gmwm.Fit]) -> None:
     """Add the remarks on the wavelet variances to the warnings of the command."""
     for name, axis_fit in fits.items():
         for remark in axis_fit.wavelet_variance.remarks:
             tell(remark.about(name))
 
 
-def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
+def _remarks(fits: Mapping[str, gmwm.Fit], carried: Mapping[str, LikelihoodResult]) -> Iterator[Remark]:
     """Yield the remarks about the wavelet fits and the maximum-likelihood fits."""
     for name, axis_fit in fits.items():
         yield from (remark.about(name) for remark in axis_fit.diagnostics.remarks)
@@ -241,7 +185,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult]) -
 
 
 def _axes_document(
-    fits: Mapping[str, Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
+    fits: Mapping[str, gmwm.Fit], carried: Mapping[str, LikelihoodResult], how: IntervalMethod
 ) -> dict[str, Any]:
     """Return the fit of each axis with its intervals and tests, as plain values for JSON."""
     from gmwm.fitting.estimation.summary import inference
@@ -259,8 +203,8 @@ def _axes_document(
 
 
 def _files(
-    fits: Mapping[str, Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
-    picture: Callable[[Mapping[str, Fit], Path], NewFile],
+    fits: Mapping[str, gmwm.Fit], content: Mapping[str, Any], folder: Path | None, plot: Path | None,
+    picture: Callable[[Mapping[str, gmwm.Fit], Path], NewFile],
 ) -> Iterator[NewFile]:  # fmt: skip
     """Yield the files to write: fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
@@ -287,13 +231,12 @@ def fit_axes(
     weighting: Literal["diagonal", "optimal", "identity"] | None = None, robust: bool = False, efficiency: float = 0.6,
     certify: bool = True, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
     start: Sampled | None = None,
-) -> dict[str, Fit]:  # fmt: skip
+) -> dict[str, gmwm.Fit]:  # fmt: skip
     """Fit the model of each axis to its signal or wavelet variance, in parallel."""
     import gmwm
-    from gmwm.cli.output import over_axes
     from gmwm.measuring.covariance.tails import with_tails
 
-    def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:
+    def measured_and_fitted(signal: gmwm.Signal | gmwm.WaveletVariance) -> gmwm.Fit:
         wv = signal
         if not isinstance(signal, gmwm.WaveletVariance):
             wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
@@ -303,11 +246,11 @@ def fit_axes(
     return over_axes(measured_and_fitted, signals, "fitting")
 
 
-def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, Fit], Path], NewFile]:
+def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, gmwm.Fit], Path], NewFile]:
     return partial(_picture, view=view, units=units)
 
 
-def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:
+def _picture(fits: Mapping[str, gmwm.Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:
     """Return a file with a plot of one fit and its terms, or of several fits with a panel for each."""
     from gmwm.showing.plots.imu import plot_imu
 
@@ -320,7 +263,7 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: ViewName, units: UnitSys
     return NewFile(path, draw, f"plotting {path.name}")
 
 
-def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
+def replicates_text(fits: Mapping[str, gmwm.Fit]) -> Iterator[str]:
     """Yield the comparison of several recordings as text, for each axis."""
     for name, axis_fit in fits.items():
         if axis_fit.replicates is not None:
@@ -328,9 +271,8 @@ def replicates_text(fits: Mapping[str, Fit]) -> Iterator[str]:
             yield f"{name}\n{summary}" if len(fits) > 1 else summary
 
 
-def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
+def fits_text(fits: Mapping[str, gmwm.Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.base.units import by_sensor
     from gmwm.calibration.tables import wrap_text
     from gmwm.fitting.estimation.summary import intervals_if_known
 
@@ -356,7 +298,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     return "\n\n".join([*parts, *(["\n".join(lines)] if lines else [])])
 
 
-def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
+def _sensor_text(group: Mapping[str, gmwm.Fit], how: IntervalMethod) -> str:
     from gmwm.fitting.estimation.summary import short_values, test_in_words
 
     first = next(iter(group.values()))

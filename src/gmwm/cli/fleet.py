@@ -5,32 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from gmwm.applications.fleets.result import FILE, TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.threads import processors
 from gmwm.calibration.options import SEARCHED
-from gmwm.cli.calibrate import Outliers, calibration_helpers, calibration_options
+from gmwm.cli.calibrate import calibration_helpers, calibration_options
 from gmwm.cli.command import command
-from gmwm.cli.options import (
-    AgainstOption,
-    ChoiceWeighting,
-    Confidence,
-    CriterionName,
-    Efficiency,
-    InputOption,
-    ParallelOption,
-    ResultOption,
-    Searched,
-    Seed,
-    joined_against,
-)
+from gmwm.cli.options import Criterion, Weighting, joined_against
 from gmwm.cli.output import NewFile, Outcome, file_names, optional_plots, progress, text_file
-from gmwm.cli.read_options import Axes
 from gmwm.measuring.regression.against import AUTO
 from gmwm.recording.options import ReadOptions
 
@@ -47,64 +32,22 @@ EXAMPLES = (
 
 @command
 def fleet(
-    folder: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder with one recording of each unit; subfolders are searched too. Each IMU topic of a file counts "
-            "as a unit.",
-            metavar="DIR",
-        ),
-    ],
-    output: Annotated[
-        Path,
-        ResultOption(
-            "--output",
-            "-o",
-            help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
-            "Units whose results are already in this directory are skipped.",
-        ),
-    ],
+    folder: Path,
+    output: Path,
     reading: ReadOptions,
-    pattern: Annotated[
-        str | None,
-        InputOption(
-            help="Pattern of the files to read, such as '*.csv' for names or 'lot 7/*.csv' for paths in the folder. "
-            "Default: all recordings.",
-            metavar="PATTERN",
-        ),
-    ] = None,
-    axis: Axes = None,
-    within: Searched = SEARCHED,
-    against: AgainstOption = None,
-    robust: Outliers = "auto",
-    efficiency: Efficiency = None,
-    weighting: ChoiceWeighting = "optimal",
-    criterion: CriterionName = "asymptotic",
-    confidence: Confidence = 0.95,
-    seed: Seed = 0,
-    scheduler: Annotated[
-        str | None,
-        ParallelOption(
-            help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Its workers need the files at the same "
-            "paths. Default: this machine.",
-            metavar="ADDRESS",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        ParallelOption(
-            help="Number of worker processes on this machine; 0 uses only the main process. Default: one for each "
-            "processor.",
-            min=0,
-        ),
-    ] = None,
-    retries: Annotated[
-        int,
-        ParallelOption(
-            help="Number of further attempts for a unit after an error of the file system or the loss of a worker.",
-            min=0,
-        ),
-    ] = 2,
+    pattern: str | None = None,
+    axis: list[str] | None = None,
+    within: str = SEARCHED,
+    against: list[str] | None = None,
+    robust: Literal["auto", "yes", "no"] = "auto",
+    efficiency: float | None = None,
+    weighting: Weighting = "optimal",
+    criterion: Criterion = "asymptotic",
+    confidence: float = 0.95,
+    seed: int = 0,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    retries: int = 2,
 ) -> Outcome:
     """Calibrate every recording in a folder, and find the units that differ from the others.
 
@@ -113,6 +56,25 @@ def fleet(
     warning gives the reason. The exit code is 0 if at least one unit is calibrated, otherwise 2.
 
     fleet.parquet has a row for each unit and axis. In Python, Fleet.load reads the output directory.
+
+    Arguments:
+        folder (DIR): Folder with one recording of each unit; subfolders are searched too. Each IMU topic of a file
+            counts as a unit.
+    Input:
+        pattern (PATTERN): Pattern of the files to read, such as '*.csv' for names or 'lot 7/*.csv' for paths in the
+            folder. Default: all recordings.
+    Estimation:
+        robust: Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for
+            all axes together; none if --within has a sinusoid); yes, all axes; no, none.
+    Parallel work:
+        scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Its workers need the files at the
+            same paths. Default: this machine.
+        workers (≥ 0): Number of worker processes on this machine; 0 uses only the main process. Default: one for each
+            processor.
+        retries (≥ 0): Number of further attempts for a unit after an error of the file system or the loss of a worker.
+    Result:
+        output (--output, -o): Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this
+            directory. Units whose results are already in this directory are skipped.
     """
     from gmwm.applications.fleets.engine import calibrate_fleet
 

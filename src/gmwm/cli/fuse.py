@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import Plot, ResultOption
 from gmwm.cli.output import NewFile, Outcome, plot_file, progress, text_file
-from gmwm.cli.read_options import Axes, chosen_names
+from gmwm.cli.read_options import chosen_names
 from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import Imu
 
@@ -29,50 +26,16 @@ EXAMPLES = (
 
 @command
 def fuse(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Recording at rest of all units: one file with columns such as gyro_x[0] and gyro_x[1] or with "
-            "several topics, or a file for each unit.",
-            metavar="FILE…",
-        ),
-    ],
+    files: list[Path],
     reading: ReadOptions,
-    horizon: Annotated[
-        str | None,
-        typer.Option(
-            help="Use constant weights that minimize the wavelet variance at this scale, such as 60s, 10min or a "
-            "number of seconds; over a range of scales, such as 1s-10min; or for the slowest noise of a model, inf. "
-            "Default: use a Kalman filter.",
-            metavar="LENGTH",
-        ),
-    ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            help="Joint model of the noise of all units, such as 'WN + shared(RW)'. Default for the Kalman filter: WN, "
-            "RW and k GM processes, each shared(…), with the smallest k that fits the data.",
-            metavar="MODEL",
-        ),
-    ] = None,
-    axis: Axes = None,
-    nonnegative: Annotated[
-        bool,
-        typer.Option("--nonnegative", help="Allow no negative weights; these amplify errors of the scale factors."),
-    ] = False,
-    apply: Annotated[
-        list[Path] | None,
-        ResultOption(
-            help="Apply the weights or the filter to this recording of the same array, for example one in motion. "
-            "Repeat the option if there is a file for each unit.",
-            metavar="FILE",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, ResultOption(help="Write the fused recording to this .csv or .parquet file.")
-    ] = None,
-    csv: Annotated[Path | None, ResultOption(help="Write the predicted wavelet deviations to this CSV file.")] = None,
-    plot: Plot = None,
+    horizon: str | None = None,
+    model: str | None = None,
+    axis: list[str] | None = None,
+    nonnegative: bool = False,
+    apply: list[Path] | None = None,
+    output: Path | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Fuse the parallel axes of several units into one virtual sensor with less noise.
 
@@ -80,14 +43,28 @@ def fuse(
     virtual sensor is the weighted sum of all units that has the least wavelet variance at this scale. Both methods use
     a recording at rest, account for noise that the units share, and do not distort a motion that all units measure.
     The units must be sampled at the same times, and their axes must be parallel.
-    """
-    from gmwm.applications.several import fuse
 
+    Arguments:
+        files (FILE…): Recording at rest of all units: one file with columns such as gyro_x[0] and gyro_x[1] or with
+            several topics, or a file for each unit.
+    Options:
+        horizon (LENGTH): Use constant weights that minimize the wavelet variance at this scale, such as 60s, 10min or a
+            number of seconds; over a range of scales, such as 1s-10min; or for the slowest noise of a model, inf.
+            Default: use a Kalman filter.
+        model (MODEL): Joint model of the noise of all units, such as 'WN + shared(RW)'. Default for the Kalman filter:
+            WN, RW and k GM processes, each shared(…), with the smallest k that fits the data.
+        nonnegative: Allow no negative weights; these amplify errors of the scale factors.
+    Result:
+        apply (FILE): Apply the weights or the filter to this recording of the same array, for example one in motion.
+            Repeat the option if there is a file for each unit.
+        output: Write the fused recording to this .csv or .parquet file.
+        csv: Write the predicted wavelet deviations to this CSV file.
+    """
     scales = None if horizon is None else _scales(horizon)
     units = _load(files, reading, axis)
     tell_inspection(next(iter(units.values())))
     with progress("measuring"):
-        virtual = fuse(units, horizon=scales, model=model, nonnegative=nonnegative)
+        virtual = gmwm.fuse(units, horizon=scales, model=model, nonnegative=nonnegative)
     new = [] if csv is None else [text_file(csv, virtual.to_polars().write_csv())]
     if apply and output is None:
         raise OptionError(argument="apply", expected="given with {--output}", got=[str(file) for file in apply])
@@ -117,7 +94,6 @@ def _scales(text: str) -> float | tuple[float, float]:
 def _load(files: list[Path], reading: ReadOptions, axis: list[str] | None) -> dict[str, Imu]:
     """Read the recordings of all units, with the chosen axes."""
     from gmwm.files.readers.api import read_units
-    from gmwm.recording.signals import Imu
 
     with progress(f"reading {files[0].name}"):
         units = read_units(files, reading)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, memory_for, open_recording
-from gmwm.cli.options import AgainstOption, RepeatedOption, ResultOption, joined_against
+from gmwm.cli.measuring import memory_for, open_recording
+from gmwm.cli.options import Chunked, Repeated, joined_against
 from gmwm.cli.output import Outcome, plot_file, progress
-from gmwm.cli.read_options import File
 from gmwm.measuring.inspection.result import text
 from gmwm.measuring.regression.against import AUTO, TEMPERATURE, TIME, Against
 from gmwm.recording.options import ReadOptions
@@ -29,24 +29,13 @@ EXAMPLES = (
 
 @command
 def info(
-    file: File,
+    file: Path,
     reading: ReadOptions,
     chunked: Chunked = "auto",
-    against: AgainstOption = None,
-    repeated: RepeatedOption = "auto",
-    noise_against: Annotated[
-        Literal["temperature", "time"] | None,
-        ResultOption(
-            help="Test whether the noise of each axis depends on the temperature or on time, at each scale and for "
-            "each term of the noise model."
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        ResultOption(
-            help="Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file."
-        ),
-    ] = None,
+    against: list[str] | None = None,
+    repeated: Repeated = "auto",
+    noise_against: Literal["temperature", "time"] | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Inspect a recording, and report whether it can be used for a calibration.
 
@@ -57,14 +46,17 @@ def info(
     Columns of the table: mean; sd, the standard deviation of all samples; noise, the standard deviation of
     the white noise, computed from differences of neighbouring samples so that offset and slow drift do not affect it;
     LSB, the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
-    """
-    from gmwm.measuring.inspection import inspect
 
+    Result:
+        noise_against: Test whether the noise of each axis depends on the temperature or on time, at each scale and for
+            each term of the noise model.
+        plot: Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file.
+    """
     terms = joined_against(against, AUTO)
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(terms)
     recording = open_recording(file, reading, chunked, whole=memory)
     with progress("inspecting"):
-        inspection = inspect(recording, against=terms, repeated=repeated)
+        inspection = gmwm.inspect(recording, against=terms, repeated=repeated)
     changes = _noise_changes(recording, noise_against) if noise_against and isinstance(recording, Imu) else {}
     document = {"file": str(file), **inspection.to_dict()}
     if noise_against is not None:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.options import Plot
 from gmwm.cli.output import Outcome, plot_file, progress
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
-
-if TYPE_CHECKING:
-    pass
 
 EXAMPLES = (
     'gmwm joint static.csv --axis gyro --model "shared(RW) + WN"',
@@ -26,36 +21,14 @@ EXAMPLES = (
 
 @command
 def joint(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    model: Annotated[
-        str,
-        typer.Option(
-            help="Sum of terms: 'WN' is independent noise of each axis, 'common(RW)' is one process that acts on all "
-            "axes with a factor for each axis, and 'shared(RW)' is noise with any correlations between the axes.",
-            metavar="MODEL",
-        ),
-    ],
-    axis: Axes = None,
-    levels: Annotated[
-        str | None,
-        typer.Option(
-            help="Levels to use: a range such as 9-17, or 12 for the first twelve. Default: all levels with at least "
-            "five coefficients.",
-            metavar="FIRST-LAST",
-        ),
-    ] = None,
-    certify: Annotated[
-        bool, typer.Option("--certify", help="Prove by branch and bound that no other correlation times fit better.")
-    ] = False,
-    certify_within: Annotated[
-        str,
-        typer.Option(
-            help="Largest time for the proof, such as 60s or 10min. If it is too short, the lower bound is less tight.",
-            metavar="TIME",
-        ),
-    ] = "60s",
-    plot: Plot = None,
+    model: str,
+    axis: list[str] | None = None,
+    levels: str | None = None,
+    certify: bool = False,
+    certify_within: str = "60s",
+    plot: Path | None = None,
 ) -> Outcome:
     """Fit one model to several axes at once, including the noise that the axes share.
 
@@ -63,9 +36,16 @@ def joint(
     model, and for each shared term a test whether the axes are correlated. With --json, the result includes the
     state-space matrices of all axes together, in discrete and in continuous time. In contrast, the files of gmwm export
     describe each axis separately.
-    """
-    from gmwm.applications.several import fit_joint
 
+    Options:
+        model (MODEL): Sum of terms: 'WN' is independent noise of each axis, 'common(RW)' is one process that acts on
+            all axes with a factor for each axis, and 'shared(RW)' is noise with any correlations between the axes.
+        levels (FIRST-LAST): Levels to use: a range such as 9-17, or 12 for the first twelve. Default: all levels with
+            at least five coefficients.
+        certify: Prove by branch and bound that no other correlation times fit better.
+        certify_within (TIME): Largest time for the proof, such as 60s or 10min. If it is too short, the lower bound is
+            less tight.
+    """
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)
     if len(signals) < 2:
@@ -75,7 +55,7 @@ def joint(
         )  # fmt: skip
     with progress("fitting"):
         time = parse_length(certify_within) if certify else False
-        joint_fit = fit_joint(model, signals, levels=parse_levels(levels), certify=time)
+        joint_fit = gmwm.fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
     return Outcome(
         command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(),

@@ -7,13 +7,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
-from gmwm.cli.options import InputOption, ParallelOption
+from gmwm.cli.options import Chunked, Transform
 from gmwm.cli.output import progress, tell
 from gmwm.cli.read_options import chosen_axes, chosen_names, load, names_of
 from gmwm.measuring.regression.against import NONE, Asked
@@ -23,38 +22,11 @@ if TYPE_CHECKING:
     from gmwm.files.readers.growing_files import GrowingFile, GrowingPipe, Lines
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.regression.conditions import Conditions
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Imu, Signal
-
-
-Chunked = Annotated[
-    Literal["auto", "yes", "no"],
-    InputOption(
-        help="Read the recording in chunks, which needs little memory. auto: only for files of 300 MB or more. The "
-        "result is the same."
-    ),
-]
-Scheduler = Annotated[
-    str | None,
-    ParallelOption(
-        help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the recording and "
-        "needs the file at the same path. Default: this process.",
-        metavar="ADDRESS",
-    ),
-]
-Workers = Annotated[
-    int | None,
-    ParallelOption(
-        help="Number of processes on this machine; each reads a part of the recording. Default: threads in one "
-        "process.",
-        min=1,
-    ),
-]
 
 
 def open_recording(
-    path: Path, reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, spread: bool = False, whole: str = ""
-) -> Imu | Stream:
+    path: Path, reading: ReadOptions, chunked: Chunked, *, spread: bool = False, whole: str = ""
+) -> gmwm.Imu | Stream:
     """Open the recording in a file, in memory or in chunks."""
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
     if whole and (spread or chunked == "yes"):
@@ -68,7 +40,6 @@ def open_recording(
             "--scheduler and --workers read the recording in chunks", argument="chunked", got=chunked,
             advice="Leave {--chunked=no} out.",
         )  # fmt: skip
-    from gmwm.cli.output import progress
     from gmwm.files.readers.api import stream_file
     from gmwm.files.readers.streams import is_large
 
@@ -89,10 +60,9 @@ def needs_memory(filter: str, transform: str) -> str:
 def stream_curves(
     stream: Stream, axes: Sequence[str], *, robust: bool, efficiency: float, scheduler: str | None = None,
     workers: int | None = None, against: str = NONE,
-) -> dict[str, WaveletVariance]:  # fmt: skip
+) -> dict[str, gmwm.WaveletVariance]:  # fmt: skip
     """Compute a stream's wavelet variances; the remarks of its inspection become warnings of the command."""
     from gmwm.calibration.passes import Execution, curves_and_inspection
-    from gmwm.cli.output import progress, tell
     from gmwm.measuring.regression.conditions import Conditions
 
     with progress("reading") as advance:
@@ -117,12 +87,10 @@ def memory_for(against: str, other: str = "") -> str:
 
 
 def signals_or_curves(
-    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
-) -> Mapping[str, Signal | WaveletVariance]:
+    recording: gmwm.Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
+) -> Mapping[str, gmwm.Signal | gmwm.WaveletVariance]:
     """Return signals of axes, or variances if in chunks or --against; remarks of inspections become warnings."""
-    from gmwm.recording.signals import Imu
-
-    if isinstance(recording, Imu):
+    if isinstance(recording, gmwm.Imu):
         conditions = tell_inspection(recording, against)
         signals = chosen_axes(recording, wanted)
         if against == NONE:
@@ -133,8 +101,8 @@ def signals_or_curves(
 
 
 def open_together(
-    files: Sequence[Path], reading: ReadOptions, chunked: Literal["auto", "yes", "no"], *, whole: str = ""
-) -> dict[str, Imu | Stream]:
+    files: Sequence[Path], reading: ReadOptions, chunked: Chunked, *, whole: str = ""
+) -> dict[str, gmwm.Imu | Stream]:
     """Open one or several recordings of one unit, and return them by name."""
     return {
         name: open_recording(file, reading, chunked, whole=whole)
@@ -142,7 +110,7 @@ def open_together(
     }
 
 
-def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
+def axes_together(recordings: Mapping[str, gmwm.Imu | Stream], wanted: Sequence[str] | None) -> list[str]:
     """Return those axes of --axis that all recordings have."""
     from gmwm.calibration.data import common_axes
 
@@ -152,14 +120,12 @@ def axes_together(recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] 
 
 
 def measure_together(
-    recordings: Mapping[str, Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
-    against: str = NONE, filter: str = "haar", transform: Literal["modwt", "dwt"] = "modwt",
-) -> Mapping[str, Signal | WaveletVariance]:  # fmt: skip
+    recordings: Mapping[str, gmwm.Imu | Stream], wanted: Sequence[str] | None, *, robust: bool, efficiency: float,
+    against: str = NONE, filter: str = "haar", transform: Transform = "modwt",
+) -> Mapping[str, gmwm.Signal | gmwm.WaveletVariance]:  # fmt: skip
     """Return each axis's data to fit: signals or variances of one recording, or pooled ones of several."""
     from gmwm.measuring.covariance.tails import with_tails
-    from gmwm.measuring.variance.api import wavelet_variance
     from gmwm.measuring.variance.pooling import pool
-    from gmwm.measuring.variance.result import WaveletVariance
 
     axes = axes_together(recordings, wanted)
     data_of = {
@@ -169,16 +135,16 @@ def measure_together(
     if len(data_of) == 1:
         return next(iter(data_of.values()))
 
-    def curve(data: Signal | WaveletVariance) -> WaveletVariance:
-        if isinstance(data, WaveletVariance):
+    def curve(data: gmwm.Signal | gmwm.WaveletVariance) -> gmwm.WaveletVariance:
+        if isinstance(data, gmwm.WaveletVariance):
             return data
-        wv = wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        wv = gmwm.wavelet_variance(data, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
         return with_tails(wv, data)
 
     return {axis: pool({name: curve(data[axis]) for name, data in data_of.items()}) for axis in axes}
 
 
-def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
+def tell_inspection(imu: gmwm.Imu | Stream, against: str = NONE) -> Conditions:
     """Inspect a recording, and add the remarks about motion, knocks and similar problems to the warnings."""
     from gmwm.measuring.inspection.api import inspect_with
     from gmwm.measuring.regression.conditions import Conditions
@@ -189,15 +155,6 @@ def tell_inspection(imu: Imu | Stream, against: str = NONE) -> Conditions:
     for remark in inspection.remarks:
         tell(remark)
     return conditions
-
-
-Idle = Annotated[
-    str | None,
-    typer.Option(
-        help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
-        metavar="LENGTH",
-    ),
-]
 
 
 @contextmanager

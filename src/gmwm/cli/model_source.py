@@ -5,31 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+import gmwm
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import p_text
-from gmwm.cli.options import EstimationOption, named_as_options
+from gmwm.base.threads import in_threads
+from gmwm.base.units import by_sensor
+from gmwm.cli.options import named_as_options
+from gmwm.cli.output import progress, table_text, tell, units_text
+from gmwm.measuring.regression.against import TEMPERATURE, Asked
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
-    from gmwm.calibration import Calibration
     from gmwm.files.importers import Given
     from gmwm.fitting.estimation.intervals import Interval
-    from gmwm.fitting.estimation.result import Fit
     from gmwm.fitting.likelihood import LikelihoodFit, Residuals
-    from gmwm.measuring.regression.against import Asked
     from gmwm.measuring.regression.result import Regression
-    from gmwm.recording.signals import Signal
-    from gmwm.theory.processes.model import Model
-
-
-LIKELIHOOD = ("--likelihood", "--ml")
-"""Names of the option for a maximum-likelihood fit, in every command that has this option."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +38,16 @@ class LikelihoodResult:
 
 
 def likelihood_fits(
-    fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None,
+    fits: Mapping[str, gmwm.Fit], signals: Mapping[str, gmwm.Signal], given: gmwm.Model | None = None,
     asked: Mapping[str, Asked | None] | None = None,
 ) -> dict[str, LikelihoodFit]:  # fmt: skip
     """Fit axes by maximum likelihood in parallel, from wavelet fits or `given`, with regressions `asked`."""
     complete = given if given is not None and given.is_complete else None
-    from gmwm import fit_ml
-    from gmwm.base.threads import in_threads
-    from gmwm.cli.output import progress
-
     with progress("maximum likelihood", len(fits)) as advance:
 
-        def carried_on(axis: str, start: Fit) -> LikelihoodFit:
+        def carried_on(axis: str, start: gmwm.Fit) -> LikelihoodFit:
             label = f"maximum likelihood: {axis}"
-            return fit_ml(
+            return gmwm.fit_ml(
                 start.model, signals[axis], start=complete or start, against=(asked or {}).get(axis),
                 progress=lambda count, value: advance(f"{label}, evaluation {count}, {value:.2f}", 0),
             )  # fmt: skip
@@ -67,8 +57,6 @@ def likelihood_fits(
 
 def asked_again(regression: Regression | None, temperature: Vector | None) -> Asked | None:
     """Return the regression of a wavelet fit in the form that `fit_ml` takes as `against`; None without one."""
-    from gmwm.measuring.regression.against import TEMPERATURE, Asked
-
     if regression is None:
         return None
     return Asked(regression.basis.terms, {} if temperature is None else {TEMPERATURE: temperature})
@@ -76,8 +64,6 @@ def asked_again(regression: Regression | None, temperature: Vector | None) -> As
 
 def judge_fits(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, LikelihoodResult]:
     """Compute the confidence intervals and residuals of each fit, in parallel."""
-    from gmwm.base.threads import in_threads
-    from gmwm.cli.output import progress
     from gmwm.fitting.likelihood.intervals import intervals_if_known, own_residuals
 
     def one(_: str, fit: LikelihoodFit) -> LikelihoodResult:
@@ -104,7 +90,6 @@ def as_dict(found: LikelihoodResult) -> dict[str, Any]:
 
 def likelihoods_text(found: Mapping[str, LikelihoodResult]) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.base.units import by_sensor
     from gmwm.fitting.likelihood.intervals import in_words
 
     if len(found) == 1:
@@ -130,7 +115,6 @@ def likelihoods_text(found: Mapping[str, LikelihoodResult]) -> str:
 
 
 def _sensor_text(group: Mapping[str, LikelihoodResult]) -> str:
-    from gmwm.cli.output import table_text, units_text
     from gmwm.fitting.likelihood.intervals import short_values
 
     first = next(iter(group.values())).fit
@@ -147,47 +131,18 @@ def _sensor_text(group: Mapping[str, LikelihoodResult]) -> str:
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(first.units())}"
 
 
-ModelText = Annotated[
-    str | None,
-    typer.Option(
-        "--model",
-        "-m",
-        help="Sum of processes, as for gmwm fit. If all parameters have values, the command uses these values; "
-        "otherwise it first fits the model to each axis.",
-        metavar="MODEL",
-    ),
-]
-FromFits = Annotated[
-    Path | None,
-    typer.Option(
-        help="Instead of --model: the fits.json of gmwm fit or the calibration.json of gmwm calibrate. It can come "
-        "from this recording, or from another recording of the same unit at the same rate."
-    ),
-]
-ByLikelihood = Annotated[
-    bool,
-    EstimationOption(
-        *LIKELIHOOD,
-        help="Fit the model by maximum likelihood, starting from the wavelet fit. With --from-fits, use the "
-        "maximum-likelihood fit in the file.",
-    ),
-]
-
-
 @dataclass(frozen=True, eq=False)
 class AxisModel:
     """The model of one axis."""
 
-    model: Fit | LikelihoodFit | Model  # the fit, or the model if its values were given
+    model: gmwm.Fit | LikelihoodFit | gmwm.Model  # the fit, or the model if its values were given
     origin: str  # description of where the values come from, which the output shows
     own: bool  # whether the values were estimated from the recording that the command reads
 
     @property
-    def values(self) -> Model:
+    def values(self) -> gmwm.Model:
         """The model with its parameter values."""
-        from gmwm.theory.processes.model import Model
-
-        return self.model if isinstance(self.model, Model) else self.model.model
+        return self.model if isinstance(self.model, gmwm.Model) else self.model.model
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model, its values and their origin as plain values for JSON."""
@@ -201,7 +156,7 @@ class ModelSource:
     likelihood: bool
     robust: bool
     efficiency: float
-    model: Model | None = None
+    model: gmwm.Model | None = None
     fits: Mapping[str, Any] = field(default_factory=dict)
     fits_file: str = ""
     fitted_file: str | None = None
@@ -211,7 +166,6 @@ def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
 ) -> ModelSource:
     """Check the options that define the model."""
-    from gmwm import Model
     from gmwm.cli.plan import fits_in
 
     if (model is None) == (from_fits is None):
@@ -228,20 +182,19 @@ def model_source(
         fitted, fits = fits_in(from_fits)
         origin: dict[str, Any] = {"fits": fits, "fits_file": str(from_fits), "fitted_file": fitted}
     else:
-        origin = {"model": Model.parse(str(model))}
+        origin = {"model": gmwm.Model.parse(str(model))}
     return ModelSource(likelihood=likelihood, robust=robust, efficiency=efficiency, **origin)
 
 
-def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
+def axis_models(source: ModelSource, signals: Mapping[str, gmwm.Signal], file: Path) -> dict[str, AxisModel]:
     """Return each axis's model with values, fitted if it has none; remarks of fits become warnings."""
     from gmwm.cli.fit import fit_axes
-    from gmwm.cli.output import tell
 
     if source.model is None:
         return {axis: _from_file(source, axis, file) for axis in signals}
     if not source.likelihood and not source.robust and None not in source.model.parameters.values():
         return dict.fromkeys(signals, AxisModel(source.model, "given", False))
-    fits: Mapping[str, Fit | LikelihoodFit] = fit_axes(
+    fits: Mapping[str, gmwm.Fit | LikelihoodFit] = fit_axes(
         dict.fromkeys(signals, source.model), signals, robust=source.robust, efficiency=source.efficiency, certify=False
     )
     origin = "fitted to the wavelet variance"
@@ -253,7 +206,7 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
     return {axis: AxisModel(fit, origin, True) for axis, fit in fits.items()}
 
 
-def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
+def axes_of(source: ModelSource, signals: Mapping[str, gmwm.Signal], chosen: bool) -> Mapping[str, gmwm.Signal]:
     """Return the signals to use: all, or, with --from-fits without --axis, those with a fit in the file."""
     if source.model is not None or chosen:
         return signals
@@ -267,14 +220,13 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
 
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
-    from gmwm import Fit
     from gmwm.fitting.likelihood import LikelihoodFit
 
     if axis not in source.fits:
         expected = f"one of {', '.join(source.fits)}, the axes in {source.fits_file}"
         raise OptionError(argument="axis", expected=expected, got=axis)
     content = source.fits[axis]
-    fit: Fit | LikelihoodFit
+    fit: gmwm.Fit | LikelihoodFit
     if source.likelihood:
         if "likelihood" not in content:
             raise ReadError(
@@ -283,36 +235,16 @@ def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
             )
         fit = LikelihoodFit.from_dict(content["likelihood"])
     else:
-        fit = Fit.from_dict(content)
+        fit = gmwm.Fit.from_dict(content)
     same = source.fitted_file is not None and Path(source.fitted_file).name == file.name
     return AxisModel(fit, f"from {source.fits_file}", same)
-
-
-NoiseText = Annotated[
-    str,
-    typer.Argument(
-        help="The calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the folder of one of them; or the "
-        "numbers of a datasheet or a file of another program, as for gmwm export --from.",
-        metavar="SOURCE",
-    ),
-]
-GivenText = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        help="Noise without a recording: the numbers of a datasheet, such as 'gyro: N=0.15deg/√h, B=3deg/h over 100s; "
-        "accel: N=60µg/√Hz, B=0.02mg', or a file of Kalibr, allan_variance_ros, imu_utils, OpenVINS, Kimera, VINS, "
-        "ORB-SLAM3, LIO-SAM, FAST-LIO, KF-GINS, PX4, ArduPilot or MATLAB.",
-        metavar="SOURCE",
-    ),
-]
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseSource:
     """The noise of each axis. `rate` is the sampling rate (Hz) of axes with a model, because only a fit has its own."""
 
-    axes: Mapping[str, Fit | Model]
+    axes: Mapping[str, gmwm.Fit | gmwm.Model]
     rate: float | None = None
 
 
@@ -324,9 +256,8 @@ def read_given(text: str, rate: float | None, option: str = "--from") -> Given:
         return given_noise(text, rate)
 
 
-def calibration_in(text: str) -> Calibration | None:
+def calibration_in(text: str) -> gmwm.Calibration | None:
     """Return the calibration in a file or folder; None if `text` is another source of noise."""
-    from gmwm import Calibration
     from gmwm.cli.plan import fits_in
 
     path = Path(text)
@@ -339,17 +270,16 @@ def calibration_in(text: str) -> Calibration | None:
         content = read_json(path)
     except ValueError:
         return None  # `noise_of` reports the error.
-    return Calibration.load(path) if isinstance(content, dict) and "settings" in content else None
+    return gmwm.Calibration.load(path) if isinstance(content, dict) and "settings" in content else None
 
 
 def noise_of(text: str, rate: float | None, option: str = "SOURCE") -> NoiseSource:
     """Read the noise of a sensor from a calibration, from fits, or from a datasheet or file of another program."""
-    from gmwm import Fit
     from gmwm.cli.plan import fits_in
 
     path = Path(text)
     if path.is_dir() or path.suffix == ".json":
         _, fits = fits_in(path)
-        return NoiseSource({axis: Fit.from_dict(content) for axis, content in fits.items()}, rate)
+        return NoiseSource({axis: gmwm.Fit.from_dict(content) for axis, content in fits.items()}, rate)
     noise = read_given(text, rate, option)
     return NoiseSource(noise.models, noise.rate)

@@ -8,20 +8,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import Json, ResultOption
-from gmwm.cli.output import NewFile, Outcome, file_names, plot_file, tell
-from gmwm.cli.read_options import Axes, chosen_names, names_of
+from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
+from gmwm.cli.model_source import read_given
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, plot_file, tell
+from gmwm.cli.read_options import chosen_names, names_of
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -39,48 +37,18 @@ EXAMPLES = (
 
 @command
 def monitor(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            help="One recording in any supported format, or - for text on standard input; or the recordings of three "
-            "or more units that were recorded at the same time.",
-            metavar="FILE|-…",
-        ),
-    ],
+    files: list[str],
     reading: ReadOptions,
-    from_fits: Annotated[
-        Path | None,
-        typer.Option(
-            help="Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or "
-            "the folder of one of them."
-        ),
-    ] = None,
-    source: GivenText = None,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            help="Recording of the healthy sensor at rest, from which the baseline of the control charts is computed. "
-            "Default: the baseline in calibration.json."
-        ),
-    ] = None,
-    every: Annotated[
-        str,
-        typer.Option(
-            help="Average time between false alarms if the sensor does not change, for all axes together.",
-            metavar="LENGTH",
-        ),
-    ] = "30d",
-    axis: Axes = None,
-    follow: Annotated[
-        bool, typer.Option("--follow", help="Wait for more data at the end of a text file that is being written.")
-    ] = False,
-    idle: Idle = None,
-    plot: Annotated[
-        Path | None,
-        ResultOption(help="Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file."),
-    ] = None,
-    output: Annotated[Path | None, ResultOption("--output", "-o", help="Write a summary to this .html file.")] = None,
-    json: Json = False,
+    from_fits: Path | None = None,
+    source: str | None = None,
+    reference: Path | None = None,
+    every: str = "30d",
+    axis: list[str] | None = None,
+    follow: bool = False,
+    idle: str | None = None,
+    plot: Path | None = None,
+    output: Path | None = None,
+    json: bool = False,
 ) -> Outcome:
     """Report when a sensor at rest has changed: noise, level, drift, hum, spikes, frozen values, lost samples.
 
@@ -96,6 +64,20 @@ def monitor(
     units with each other, which removes disturbances that they share. Each event names the unit that has changed.
 
     Exit codes: 0 no event, 1 at least one event, 2 error.
+
+    Arguments:
+        files (FILE|-…): One recording in any supported format, or - for text on standard input; or the recordings of
+            three or more units that were recorded at the same time.
+    Options:
+        from_fits: Noise models of the sensor: the calibration.json of gmwm calibrate, the fits.json of gmwm fit, or the
+            folder of one of them.
+        reference: Recording of the healthy sensor at rest, from which the baseline of the control charts is computed.
+            Default: the baseline in calibration.json.
+        every (LENGTH): Average time between false alarms if the sensor does not change, for all axes together.
+        follow: Wait for more data at the end of a text file that is being written.
+    Result:
+        plot: Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.
+        output (--output, -o): Write a summary to this .html file.
     """
     patience = None if idle is None else parse_length(idle, "idle")
     seconds = parse_length(every, "every")
@@ -147,7 +129,7 @@ def _trace(
     axes: list[str] | None, pictures: bool, source: str,
 ) -> Trace:  # fmt: skip
     """Return the monitor for a stream, with a trace for plots. The remarks of the monitor become warnings."""
-    from gmwm.applications.monitor import Monitor, Trace, baselines
+    from gmwm.applications.monitor import Trace, baselines
     from gmwm.applications.monitor.baseline import check_rate
     from gmwm.files.readers.api import stream_file
 
@@ -163,7 +145,7 @@ def _trace(
     reference_baselines: Mapping[str, Baseline] | None = None
     if reference is not None:
         reference_baselines = baselines(models, stream_file(reference, reading), names)
-    watcher = Monitor(
+    watcher = gmwm.Monitor(
         models, every, rate=rate, baseline="auto" if reference_baselines is None else reference_baselines, axes=names
     )
     for remark in watcher.remarks:
@@ -239,15 +221,13 @@ def _models(origin: Origin, rate: float) -> tuple[Mapping[str, Any], float]:
 
 def _fit_models(path: Path) -> Mapping[str, Any]:
     """Return the calibration in a file or folder, or the fits by axis if it holds a fits.json."""
-    from gmwm import Calibration, Fit
-    from gmwm.cli.output import calibration_file
     from gmwm.cli.plan import fits_in
 
     file = calibration_file(path)
     if file.is_file() and '"gmwm-calibration"' in file.read_text(encoding="utf-8", errors="replace")[:200]:
-        return Calibration.load(file)
+        return gmwm.Calibration.load(file)
     _, fits = fits_in(path)
-    return {axis: Fit.from_dict(content) for axis, content in fits.items()}
+    return {axis: gmwm.Fit.from_dict(content) for axis, content in fits.items()}
 
 
 def _watch(stream: Stream, trace: Trace) -> Iterator[Event]:

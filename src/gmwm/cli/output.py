@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeVar
 
 import typer
 
+import gmwm
 from gmwm.base.atomic_files import write_text, written_together
 from gmwm.base.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 from gmwm.base.extras import is_installed, missing
@@ -27,11 +28,8 @@ from gmwm.base.threads import in_threads
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Signal
-
 T = TypeVar("T")
-Item = TypeVar("Item", bound="Signal | WaveletVariance")
+Item = TypeVar("Item", bound="gmwm.Signal | gmwm.WaveletVariance")
 
 
 def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import typer
-
-from gmwm.base.arrays import Integers
+import gmwm
+from gmwm.base.arrays import Integers, as_rate
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import parse_length, parse_share
 from gmwm.base.units import SI_UNIT
 from gmwm.cli.command import command
-from gmwm.cli.model_source import GivenText, read_given
-from gmwm.cli.options import Plot
+from gmwm.cli.model_source import read_given
 from gmwm.cli.output import Outcome, plot_file, progress, tell
+from gmwm.theory.filters import WaveletFilter, find_filter
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Matrix
     from gmwm.fitting.inference.planning import Plan
-    from gmwm.theory.filters import WaveletFilter
-    from gmwm.theory.processes.base import Process
 
 EXAMPLES = (
     'gmwm plan "GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)" --rate 100 --duration 2h',
@@ -34,42 +31,15 @@ EXAMPLES = (
 
 @command
 def plan(
-    duration: Annotated[
-        str,
-        typer.Option(
-            help="Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.",
-            metavar="LENGTH",
-        ),
-    ],
-    model: Annotated[
-        str | None,
-        typer.Argument(
-            help="Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s). "
-            "Values in fixed(…) are treated as known.",
-            metavar="MODEL",
-        ),
-    ] = None,
-    from_fits: Annotated[
-        Path | None,
-        typer.Option(
-            help="Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot "
-            "recording."
-        ),
-    ] = None,
-    source: GivenText = None,
-    axis: Annotated[str | None, typer.Option(help="Axis to use from --from-fits or --from.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.")] = None,
-    accuracy: Annotated[
-        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
-    ] = "0.1",
-    weighting: Annotated[
-        Literal["diagonal", "optimal"] | None,
-        typer.Option(
-            help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
-            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2)."
-        ),
-    ] = None,
-    plot: Plot = None,
+    duration: str,
+    model: str | None = None,
+    from_fits: Path | None = None,
+    source: str | None = None,
+    axis: str | None = None,
+    rate: float | None = None,
+    accuracy: str = "0.1",
+    weighting: Literal["diagonal", "optimal"] | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Plan how long to record: print the standard error of each parameter for several durations.
 
@@ -77,12 +47,30 @@ def plan(
     the model, without simulation. Take the values of the model from a pilot recording (gmwm fit --output) or from a
     datasheet. If the relative standard error of a parameter is above 50 %, the recording does not determine it. With
     --from-fits, the planned recording is assumed to have gaps like those of the pilot recording.
+
+    Arguments:
+        model (MODEL): Model with all parameter values (in SI units, per sample where time enters, but GM.beta in 1/s).
+            Values in fixed(…) are treated as known.
+    Options:
+        duration (LENGTH): Duration of the planned recording, such as 90s, 30min, 1h30m, 2h, 1d or a number of seconds.
+        from_fits: Instead of MODEL: the fits.json of gmwm fit or the calibration.json of gmwm calibrate for a pilot
+            recording.
+        axis: Axis to use from --from-fits or --from.
+        rate: Sampling rate (Hz). Not needed with --from-fits.
+        accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
+        weighting: Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal).
+            Default: diagonal, but optimal for processes with several shape parameters such as AR(2).
     """
     if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(
             "exactly one of MODEL, --from-fits and --from is needed", argument="model", got=model,
             advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}, or the "
             "numbers of a datasheet with {--from}.",
+        )  # fmt: skip
+    if model is not None and Path(model).exists():
+        raise OptionError(
+            f"MODEL is a model with values, and {model} is a file", argument="model", got=model,
+            advice="Pass the file with {--from_fits}.",
         )  # fmt: skip
     seconds, share = parse_length(duration), parse_share(accuracy)
     origin: dict[str, Any] = {}
@@ -137,15 +125,12 @@ def _plan(
     model: str, seconds: float, rate: float | None, accuracy: float, weighting: Literal["diagonal", "optimal"] | None,
     unit: str, curve: Mapping[str, Any] | None,
 ) -> tuple[Plan, dict[str, float]]:  # fmt: skip
-    from gmwm import WaveletVariance
-    from gmwm import plan as planned
-    from gmwm.base.arrays import as_rate
     from gmwm.fitting.inference.planning import as_accuracy
 
     as_accuracy(accuracy)
     with progress("planning"):
-        pilot = None if curve is None else WaveletVariance.from_dict(curve)
-        design = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit, pilot=pilot)
+        pilot = None if curve is None else gmwm.WaveletVariance.from_dict(curve)
+        design = gmwm.plan(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit, pilot=pilot)
         return design, design.needed(accuracy)
 
 
@@ -200,14 +185,13 @@ def _not_fits(path: Path, why: str) -> ReadError:
 
 def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     """Return the recording and the fit of each axis in a fits.json or calibration.json."""
-    from gmwm import Calibration, Fit
     from gmwm.calibration.document import FORMAT
     from gmwm.fitting.likelihood import LikelihoodFit
 
     if not isinstance(content, Mapping):
         raise ReadError("it is not an object")
     if content.get("format") == FORMAT:
-        calibration = Calibration.from_dict(content)
+        calibration = gmwm.Calibration.from_dict(content)
         file = None if calibration.recording is None else calibration.recording.file
         return file, {axis: document.to_dict() for axis, document in calibration.items()}
     if content.get("command") != "fit":
@@ -221,7 +205,7 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
     for axis, document in axes.items():
         try:
             # Values that the document leaves out have defaults.
-            fits[axis] = dict(document) | Fit.from_dict(document).to_dict()
+            fits[axis] = dict(document) | gmwm.Fit.from_dict(document).to_dict()
             if document.get("likelihood") is not None:
                 LikelihoodFit.from_dict(document["likelihood"])
         except ReadError as error:
@@ -232,10 +216,9 @@ def _fits(content: Any) -> tuple[str | None, dict[str, Any]]:
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     """Return a pilot fit's model to plan with, and remarks. Zero terms are left out, and simpler processes replace
     terms that act as them, such as a slow GM as a walk."""
-    from gmwm import Model
     from gmwm.theory.processes.equivalence import likeness
 
-    model, remarks = Model.parse(found["model"]), []
+    model, remarks = gmwm.Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         remarks.append(Remark.of("term-zero", case="pilot", terms=tuple(zero)))
@@ -253,24 +236,16 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
         del processes[term]
         value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
         remarks.append(Remark.of("correlation-time-unknown", case="pilot", term=term, process=f"{name}({value})"))
-        processes[name] = _add(processes[name], like) if name in processes else like
-    return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
+        processes[name] = like.with_scale(processes[name].scale + like.scale) if name in processes else like
+    return (str(gmwm.Model(tuple(processes.values()))) if processes else found["model"]), remarks
 
 
 def _measure(found: Mapping[str, Any]) -> tuple[Integers, float, WaveletFilter, Matrix]:
     """Return the levels, sampling rate (Hz), wavelet filter and weighting matrix of a fit from its JSON document."""
     import numpy as np
 
-    from gmwm.theory.filters import find_filter
-
     curve = found["wavelet_variance"]
     return (
         np.array(curve["levels"], dtype=np.int64), float(curve["rate"]), find_filter(curve["filter"]),
         np.array(found["weighting_matrix"], dtype=np.float64),
     )  # fmt: skip
-
-
-def _add(process: Process, like: Process) -> Process:
-    """Return the sum of two processes of the same kind, as one process."""
-    value = like.value_from(process.scale + like.scale)
-    return like.with_values(**{like.scale_parameter().name: value})

@@ -1,23 +1,23 @@
-"""gmwm psd: power spectral density of a recording, with its narrow lines and broad bumps."""
+"""gmwm psd: power spectral density of a recording, with its lines and broad peaks."""
 
 from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
+import gmwm
 from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, open_recording, tell_inspection
-from gmwm.cli.options import EstimationOption, Plot, ResultOption, picture_units
-from gmwm.cli.output import Outcome, csv_file, plot_file, progress, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
+from gmwm.cli.measuring import open_recording, tell_inspection
+from gmwm.cli.options import Chunked, picture_units
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, progress, table_text
+from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
     from gmwm.measuring.spectrum import PowerSpectra
-    from gmwm.recording.signals import Imu
 
 EXAMPLES = (
     "gmwm psd static.csv",
@@ -28,30 +28,29 @@ EXAMPLES = (
 
 @command
 def psd(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
+    axis: list[str] | None = None,
     chunked: Chunked = "auto",
-    length: Annotated[
-        int | None,
-        EstimationOption(
-            help="Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up "
-            "to 65536 that gives at least 15 blocks."
-        ),
-    ] = None,
-    detrend: Annotated[
-        Literal["constant", "linear"],
-        EstimationOption(help="Trend to remove from each block: its mean (constant) or a fitted line (linear)."),
-    ] = "constant",
-    datasheet: Annotated[bool | None, ResultOption("--datasheet/--si", help="Use deg/h, mg (default), or SI.")] = None,
-    csv: Annotated[Path | None, ResultOption(help="Write all frequencies to this CSV file (SI units).")] = None,
-    plot: Plot = None,
+    length: int | None = None,
+    detrend: Literal["constant", "linear"] = "constant",
+    datasheet: bool | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Print the lines and the resonances in the power spectral density of each axis.
 
-    The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a significant broad peak,
-    such as a resonance. For each axis, the probability of any false line or bump is at most 1 %. Q is the frequency
+    The density is estimated by Welch's method. A line is a significant narrow peak; a broad peak is wider, such as a
+    resonance. For each axis, the probability of any false line or broad peak is at most 1 %. Q is the frequency
     divided by the width.
+
+    Estimation:
+        length: Length of the blocks (samples), an even number of at least 8. Default: the largest power of two up to
+            65536 that gives at least 15 blocks.
+        detrend: Trend to remove from each block: its mean (constant) or a fitted line (linear).
+    Result:
+        datasheet (--datasheet/--si): Use deg/h, mg (default), or SI.
+        csv: Write all frequencies to this CSV file (SI units).
     """
     recording = open_recording(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)
@@ -69,12 +68,11 @@ def psd(
 
 
 def _measure(
-    recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
+    recording: gmwm.Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
 ) -> PowerSpectra:
     """Estimate the spectrum of each axis."""
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
-    from gmwm.measuring.spectrum import PowerSpectra, psd
+    from gmwm.measuring.spectrum import PowerSpectra
 
     if isinstance(recording, Stream):
         chosen = chosen_names(recording.axes, axis)
@@ -83,14 +81,14 @@ def _measure(
                 length=length, detrend=detrend, done=lambda samples: advance(f"{samples} samples", samples)
             )
         return PowerSpectra(spectra={name: axis_spectra[name] for name in chosen})
-    measure = partial(psd, length=length, detrend=detrend)
+    measure = partial(gmwm.psd, length=length, detrend=detrend)
     spectra = over_axes(measure, chosen_axes(recording, axis), "spectrum")
     tell_inspection(recording)
     return PowerSpectra(spectra=spectra)
 
 
 def _text(found: PowerSpectra, si: bool) -> str:
-    """Format a table of the lines and a table of the bumps of all axes."""
+    """Format a table of the lines and a table of the broad peaks of all axes."""
     first = next(iter(found.values()))
     parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
     units = {axis: (spectrum.unit, 1.0) if si else usual_unit(spectrum.unit) for axis, spectrum in found.items()}
@@ -113,5 +111,5 @@ def _text(found: PowerSpectra, si: bool) -> str:
     heads = ["axis", "frequency (Hz)", "±", "amplitude", "±", "width (Hz)", "× level", "harmonic"]
     parts.append(table_text(heads, lines, title="Lines") if lines else "No lines")
     heads = ["axis", "frequency (Hz)", "width (Hz)", "Q", "× level"]
-    parts.append(table_text(heads, bumps, title="Bumps") if bumps else "No bumps")
+    parts.append(table_text(heads, bumps, title="Broad peaks") if bumps else "No broad peaks")
     return "\n\n".join(parts)

@@ -6,95 +6,34 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
+from typing import Literal
 
 from gmwm.base.errors import OptionError
 from gmwm.base.time_base import parse_length
 from gmwm.base.units import SI_UNIT
-from gmwm.cli.options import InputOption
 from gmwm.files.columns.axis_units import parse_scale
 from gmwm.files.columns.columns import parse_columns
 from gmwm.recording.options import ReadOptions
 from gmwm.recording.signals import Imu, Signal
-
-File = Annotated[Path, typer.Argument(
-    help='Recording in any supported format; or a pattern in quotes, such as "hour_*.csv", for files that continue '
-    "one another.", metavar="FILE",
-)]  # fmt: skip
-Files = Annotated[list[Path], typer.Argument(
-    help='Recording in any supported format; or a pattern in quotes, such as "hour_*.csv", for files that continue '
-    "one another. If several recordings are given, they must be of one unit, and one model is fitted to all of "
-    "them. Their lengths may differ.", metavar="FILE…",
-)]  # fmt: skip
-Rate = Annotated[float | None, InputOption(help="Sampling rate (Hz). Not needed if the file has time stamps.")]
-Units = Annotated[str | None, InputOption(
-    help="Units, if the file does not state them. Gyroscopes: rad/s, deg/s, mdeg/s, deg/h; accelerometers: m/s², "
-    "g, mg, mGal, µg; position: m, cm, mm; time: s, ms, us, ns.", metavar="gyro=deg/s,accel=g",
-)]  # fmt: skip
-Scale = Annotated[str | None, InputOption(
-    help="Scale factors for raw counts, by sensor or axis. Each number in the file is multiplied by its factor.",
-    metavar="gyro=1/131,accel_x=6.1e-5",
-)]  # fmt: skip
-Increments = Annotated[str | None, InputOption(
-    help="Sensors or axes whose numbers are increments of angle or velocity per sample. The increments are "
-    "multiplied by the sampling rate; for increments in degrees, give the unit deg/s in --units.", metavar="gyro,accel",
-)]  # fmt: skip
-Mount = Annotated[str | None, InputOption(
-    help="How the unit is mounted: the axis of the unit, with its sign, along each of x, y and z of the vehicle.",
-    metavar="x=-y,y=x,z=z",
-)]  # fmt: skip
-Columns = Annotated[str | None, InputOption(
-    help="Axes of the columns, if the file does not name them: a list in the order of the columns, in which an "
-    "empty item skips a column; or items axis=NAME or axis=INDEX, with indices from 0. time= ignores the time "
-    "stamps.", metavar="time,gyro_x,gyro_y,…",
-)]  # fmt: skip
-Gaps = Annotated[Literal["keep", "longest"], InputOption(
-    help="If samples are missing: use all segments between the gaps (keep), or only the longest segment (longest)."
-)]  # fmt: skip
-BadLines = Annotated[Literal["error", "skip"], InputOption(
-    help="If a line of a text file cannot be read: stop with an error that names the line (error), or treat the "
-    "line as missing samples (skip)."
-)]  # fmt: skip
-Format = Annotated[str | None, InputOption(
-    help="Format of the file, if its content does not show it, for example imu:LN200 for .imu records of that "
-    "sensor. If the name is unknown, the error lists all formats.", metavar="NAME",
-)]  # fmt: skip
-
-
-Start = Annotated[str | None, InputOption(
-    help="Start at this time after the first sample, such as 90s, 10min, 1h30m or a number of seconds.",
-    metavar="LENGTH",
-)]  # fmt: skip
-Stop = Annotated[str | None, InputOption(help="Stop at this time after the first sample.", metavar="LENGTH")]
-Skip = Annotated[list[str] | None, InputOption(
-    help="Leave out a time range, such as 20min-25min after the first sample. For several ranges, repeat the "
-    "option or use commas.", metavar="FROM-TO",
-)]  # fmt: skip
-Topic = Annotated[str | None, InputOption(
-    help="Recording to read from a file that contains several, for example a topic of a ROS bag. If the option is "
-    "missing for such a file, the error lists the names.", metavar="NAME",
-)]  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptionTexts:
     """The options for reading a recording as the shell passes them, in the order of the help."""
 
-    rate: Rate = None
-    units: Units = None
-    columns: Columns = None
-    gaps: Gaps = "keep"
-    bad_lines: BadLines = "error"
-    start: Start = None
-    stop: Stop = None
-    skip: Skip = None
-    format: Format = None
-    topic: Topic = None
-    scale: Scale = None
-    increments: Increments = None
-    mount: Mount = None
+    rate: float | None = None
+    units: str | None = None
+    columns: str | None = None
+    gaps: Literal["keep", "longest"] = "keep"
+    bad_lines: Literal["error", "skip"] = "error"
+    start: str | None = None
+    stop: str | None = None
+    skip: list[str] | None = None
+    format: str | None = None
+    topic: str | None = None
+    scale: str | None = None
+    increments: str | None = None
+    mount: str | None = None
 
     def parse(self) -> ReadOptions:
         """Parse and check the options, and return them as `ReadOptions`."""
@@ -106,13 +45,6 @@ class ReadOptionTexts:
             increments=[part.strip() for part in (self.increments or "").split(",") if part.strip()],
             mount=parse_mount(self.mount),
         )  # fmt: skip
-
-
-Axes = Annotated[list[str] | None, InputOption(
-    "--axis",
-    help="Axis to use: gyro_x … accel_z, east, north, up or level, or gyro or accel for all three axes of a "
-    "sensor. For several axes, repeat the option or use commas. Default: all axes.", metavar="AXIS",
-)]  # fmt: skip
 
 
 def load(path: Path, reading: ReadOptions) -> Imu:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
-from gmwm.cli.options import ResultOption
 from gmwm.cli.output import Outcome, calibration_file, progress
 
 EXAMPLES = (
@@ -21,45 +18,29 @@ EXAMPLES = (
 
 @command
 def report(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="The calibration.json that gmwm calibrate --output wrote, or its folder.", metavar="CALIBRATION"
-        ),
-    ],
-    one_page: Annotated[
-        bool,
-        typer.Option(
-            "--one-page",
-            help="Write only what fits on one page: the verdict, four numbers of each axis, one plot, the cautions "
-            "and the data.",
-        ),
-    ] = False,
-    pdf: Annotated[
-        bool,
-        typer.Option(
-            "--pdf", help="Write a PDF. This needs Chromium or Chrome, except with --one-page, which uses Matplotlib."
-        ),
-    ] = False,
-    output: Annotated[
-        Path | None,
-        ResultOption(
-            "--output",
-            "-o",
-            help="Write to this file. Default: report.html, or one_page.html, in the folder of the calibration.",
-        ),
-    ] = None,
+    file: Path,
+    one_page: bool = False,
+    pdf: bool = False,
+    output: Path | None = None,
 ) -> Outcome:
     """Write a calibration as one HTML page that needs no network, or as a PDF.
 
     The page shows the verdict, the recording, interactive curves, the numbers in SI units and in units of datasheets,
     the comparison of models, outliers, configuration files for other programs, and how to cite gmwm.
-    """
-    from gmwm import Calibration
 
+    Arguments:
+        file (CALIBRATION): The calibration.json that gmwm calibrate --output wrote, or its folder.
+    Options:
+        one_page: Write only what fits on one page: the verdict, four numbers of each axis, one plot, the cautions and
+            the data.
+        pdf: Write a PDF. This needs Chromium or Chrome, except with --one-page, which uses Matplotlib.
+    Result:
+        output (--output, -o): Write to this file. Default: report.html, or one_page.html, in the folder of the
+            calibration.
+    """
     file = calibration_file(file)
     with progress("writing the report"):
-        calibration = Calibration.load(file)
+        calibration = gmwm.Calibration.load(file)
         name = f"{'one_page' if one_page else 'report'}.{'pdf' if pdf else 'html'}"
         if pdf and output is not None and output.suffix.lower() != ".pdf":
             raise OptionError(argument="output", expected="a file name that ends in .pdf with {--pdf}", got=str(output))

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
+import gmwm
 from gmwm.base.text import p_text
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import Efficiency, ResultOption, Robust, chosen_efficiency
-from gmwm.cli.output import Outcome, file_names, plot_file, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_one_axis
+from gmwm.cli.model_source import AxisModel, axes_of, axis_models, model_source
+from gmwm.cli.options import chosen_efficiency
+from gmwm.cli.output import Outcome, file_names, over_axes, plot_file, table_text
+from gmwm.cli.read_options import chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.fitting.likelihood import Residuals
-    from gmwm.recording.signals import Signal
 
 EXAMPLES = (
     'gmwm residuals static.csv --model "GM + WN + RW"',
@@ -28,24 +28,16 @@ EXAMPLES = (
 
 @command
 def residuals(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    model: ModelText = None,
-    from_fits: FromFits = None,
-    axis: Axes = None,
-    likelihood: ByLikelihood = False,
-    robust: Robust = False,
-    efficiency: Efficiency = None,
-    lags: Annotated[
-        int | None, ResultOption(help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.", min=1)
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        ResultOption(
-            help="Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or "
-            ".svg file."
-        ),
-    ] = None,
+    model: str | None = None,
+    from_fits: Path | None = None,
+    axis: list[str] | None = None,
+    likelihood: bool = False,
+    robust: bool = False,
+    efficiency: float | None = None,
+    lags: int | None = None,
+    plot: Path | None = None,
 ) -> Outcome:
     """Test the residuals of a model, which are the standardized innovations of its Kalman filter.
 
@@ -53,6 +45,10 @@ def residuals(
     distributed if all noise is. The Ljung-Box test rejects whiteness if a process is missing or has wrong values. The
     Jarque-Bera test rejects normality if the recording has coarse quantization, knocks or other outliers; in a long
     recording, even small deviations are enough.
+
+    Result:
+        lags (≥ 1): Number of lags of the Ljung-Box test. Default: 10 log₁₀ n for n samples.
+        plot: Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or .svg file.
     """
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
@@ -73,11 +69,10 @@ def residuals(
     )  # fmt: skip
 
 
-def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
-    from gmwm.cli.output import over_axes
+def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal]) -> dict[str, Residuals]:
     from gmwm.fitting.likelihood import residuals as residuals_of
 
-    def one(signal: Signal) -> Residuals:
+    def one(signal: gmwm.Signal) -> Residuals:
         axis_model = models[signal.axis]
         return residuals_of(axis_model.model, signal, estimated=None if axis_model.own else 0)
 

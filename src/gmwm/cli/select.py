@@ -4,28 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
 
 from gmwm.choosing.selection import Ranking
 from gmwm.choosing.selection.ranking import SLOW, RankingOptions
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, axes_together, measure_together, memory_for, open_together
-from gmwm.cli.options import (
-    AgainstOption,
-    ChoiceWeighting,
-    Confidence,
-    CriterionName,
-    Efficiency,
-    ResultOption,
-    Robust,
-    Seed,
-    Within,
-    chosen_efficiency,
-    joined_against,
-    parse_within,
-)
+from gmwm.cli.measuring import axes_together, measure_together, memory_for, open_together
+from gmwm.cli.options import Chunked, Criterion, Weighting, chosen_efficiency, joined_against, parse_within
 from gmwm.cli.output import NewFile, Outcome, file_names, json_text, make_directory, optional_plots, text_file
-from gmwm.cli.read_options import Axes, Files, document_of, require_one_axis
+from gmwm.cli.read_options import document_of, require_one_axis
 from gmwm.measuring.regression.against import NONE
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.options import ReadOptions
@@ -42,28 +28,21 @@ EXAMPLES = (
 
 @command
 def select(
-    files: Files,
+    files: list[Path],
     reading: ReadOptions,
-    axis: Axes = None,
-    against: AgainstOption = None,
-    within: Within = SLOW,
-    robust: Robust = False,
-    efficiency: Efficiency = None,
-    weighting: ChoiceWeighting = "optimal",
-    criterion: CriterionName = "asymptotic",
-    confidence: Confidence = 0.95,
-    seed: Seed = 0,
+    axis: list[str] | None = None,
+    against: list[str] | None = None,
+    within: str = SLOW,
+    robust: bool = False,
+    efficiency: float | None = None,
+    weighting: Weighting = "optimal",
+    criterion: Criterion = "asymptotic",
+    confidence: float = 0.95,
+    seed: int = 0,
     chunked: Chunked = "auto",
-    limit: Annotated[int, ResultOption(help="Number of models to print for each axis.", min=1)] = 10,
-    plot: Annotated[
-        Path | None, ResultOption(help="Plot the best models of one axis to this .png, .pdf or .svg file.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        ResultOption(
-            "--output", "-o", help="Write rankings.json and a plot of the best models of each axis to this directory."
-        ),
-    ] = None,
+    limit: int = 10,
+    plot: Path | None = None,
+    output: Path | None = None,
 ) -> Outcome:
     """Compare all models that are part of a largest model, and recommend one for each axis.
 
@@ -74,6 +53,14 @@ def select(
 
     If several files are given, they must be recordings of one unit. The models are then fitted to the mean of their
     curves, and ranked by cross-validation: each recording is predicted by a fit to the other recordings.
+
+    Estimation:
+        within (MODEL): Largest model; all models that are part of it are compared. A term with a fixed value, such as
+            WN(sigma2=fixed(1e-6)), is in all of them.
+    Result:
+        limit (≥ 1): Number of models to print for each axis.
+        plot: Plot the best models of one axis to this .png, .pdf or .svg file.
+        output (--output, -o): Write rankings.json and a plot of the best models of each axis to this directory.
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
+import gmwm
 from gmwm.base.errors import OptionError
+from gmwm.base.text import duration_text
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
-from gmwm.cli.model_source import GivenText, read_given
+from gmwm.cli.model_source import read_given
 from gmwm.cli.options import parse_models
 from gmwm.cli.output import Outcome, progress
 
 if TYPE_CHECKING:
     from gmwm.files.importers import Given
-    from gmwm.recording.signals import Imu
-    from gmwm.theory.processes.model import Model
 
 EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
@@ -30,50 +28,31 @@ EXAMPLES = (
 
 @command
 def simulate(
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .parquet or .mcap.")],
-    duration: Annotated[
-        str,
-        typer.Option(
-            help="Duration of the recording, such as 90s, 20min, 1h30m, 2h, 1d or a number of seconds.",
-            metavar="LENGTH",
-        ),
-    ],
-    model: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--model",
-            "-m",
-            help="Model with all parameter values: MODEL for all six axes, gyro=MODEL or accel=MODEL for the three "
-            "axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes.",
-            metavar="[AXIS=]MODEL",
-        ),
-    ] = None,
-    reference: Annotated[
-        bool,
-        typer.Option(
-            "--reference", help="Instead of --model: use the models of the demo, for six axes of a good MEMS unit."
-        ),
-    ] = False,
-    source: GivenText = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Sampling rate (Hz). Default: 100, or the rate in the file of --from.")
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
-    ] = 1,
-    components: Annotated[
-        Path | None,
-        typer.Option(
-            help="Also write the simulated process of each term to this .csv or .parquet file, in columns such as "
-            "'gyro_x WN \\[rad/s]'."
-        ),
-    ] = None,
+    output: Path,
+    duration: str,
+    model: list[str] | None = None,
+    reference: bool = False,
+    source: str | None = None,
+    rate: float | None = None,
+    seed: int = 1,
+    components: Path | None = None,
 ) -> Outcome:
     """Simulate a static recording with known noise.
 
     Parameter values are in SI units, and their unit of time is one sample, except for GM.beta, which is in 1/s. Gravity
     is added to accel_z. Each axis has its own stream of random numbers. --components does not change the recording:
     each axis, without gravity, is the sum of its columns in the file of --components.
+
+    Options:
+        output (--output, -o): File to write: .csv, .parquet or .mcap.
+        duration (LENGTH): Duration of the recording, such as 90s, 20min, 1h30m, 2h, 1d or a number of seconds.
+        model (--model, -m [AXIS=]MODEL): Model with all parameter values: MODEL for all six axes, gyro=MODEL or
+            accel=MODEL for the three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes.
+        reference: Instead of --model: use the models of the demo, for six axes of a good MEMS unit.
+        rate: Sampling rate (Hz). Default: 100, or the rate in the file of --from.
+        seed (≥ 0): Seed of the simulation. The same seed gives the same recording.
+        components: Also write the simulated process of each term to this .csv or .parquet file, in columns such as
+            'gyro_x WN \\[rad/s]'.
     """
     from gmwm.theory.simulation import models_by_axis, reference_imu
 
@@ -124,17 +103,15 @@ def _check_paths(output: Path, components: Path | None) -> None:
 
 
 def _write(
-    truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
-) -> tuple[Imu, tuple[str, ...]]:
+    truth: Mapping[str, gmwm.Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
+) -> tuple[gmwm.Imu, tuple[str, ...]]:
     """Simulate a recording, and write it and its processes; return it and the processes' column names."""
-    from gmwm.base.text import duration_text
-    from gmwm.theory.simulation import simulate as simulated
 
     files = None
     with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            files = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
-        imu = files.imu if files is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
+            files = gmwm.simulate(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = files.imu if files is not None else gmwm.simulate(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
         imu.write(output)
         return imu, () if components is None or files is None else tuple(files.write_components(components))

@@ -6,35 +6,27 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
-from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import (
-    Datasheet,
-    Efficiency,
-    ResultOption,
-    Robust,
-    checked_confidence,
-    chosen_efficiency,
-    unit_system,
-)
-from gmwm.cli.output import NewFile, Outcome, file_names, plot_file
-from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_one_axis
+from gmwm.cli.model_source import AxisModel, axes_of, axis_models, model_source
+from gmwm.cli.options import chosen_efficiency, unit_system
+from gmwm.cli.output import NewFile, Outcome, file_names, over_axes, plot_file, table_text
+from gmwm.cli.read_options import chosen_axes, load, require_one_axis
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
     from gmwm.cli.model_source import AxisModel
     from gmwm.fitting.likelihood import Tracks
-    from gmwm.recording.signals import Signal
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
 """Numbers that summarize a process, in the unit of the data; a reach is half of the confidence band."""
@@ -70,7 +62,6 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
     """Format the summary of each process of an axis as a table."""
-    from gmwm.cli.output import table_text
     from gmwm.showing.plots.labels import view_of
 
     shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
@@ -142,61 +133,39 @@ EXAMPLES = (
 
 @command
 def track(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    model: ModelText = None,
-    from_fits: FromFits = None,
-    axis: Axes = None,
-    likelihood: ByLikelihood = False,
-    robust: Robust = False,
-    efficiency: Efficiency = None,
-    kind: Annotated[
-        Literal["smooth", "filter"],
-        ResultOption(
-            help="Estimate each sample from the whole recording (smooth), or from the samples up to it (filter)."
-        ),
-    ] = "smooth",
-    predict: Annotated[
-        str | None,
-        ResultOption(
-            help="Predict the processes for this time after the end of the recording, such as 90s, 10min, 1h30m or a "
-            "number of seconds, instead of estimating them in it.",
-            metavar="LENGTH",
-        ),
-    ] = None,
-    label: Annotated[
-        list[str] | None,
-        ResultOption(
-            help="Process for --output and --plot: bias, level, or a term of the model such as GM[1]. Repeat the "
-            "option for more processes. Default: all processes for --output, the bias for --plot.",
-            metavar="LABEL",
-        ),
-    ] = None,
-    confidence: Annotated[
-        float, ResultOption(callback=checked_confidence, help="Level of the confidence bands.", metavar="LEVEL")
-    ] = 0.95,
-    output: Annotated[
-        Path | None,
-        ResultOption(
-            "--output",
-            "-o",
-            help="Write the time, the data, and each process with its standard deviation to this .csv or .parquet "
-            "file, in SI units. Missing samples are NaN.",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        ResultOption(
-            help="Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file."
-        ),
-    ] = None,
-    datasheet: Datasheet = False,
+    model: str | None = None,
+    from_fits: Path | None = None,
+    axis: list[str] | None = None,
+    likelihood: bool = False,
+    robust: bool = False,
+    efficiency: float | None = None,
+    kind: Literal["smooth", "filter"] = "smooth",
+    predict: str | None = None,
+    label: list[str] | None = None,
+    confidence: float = 0.95,
+    output: Path | None = None,
+    plot: Path | None = None,
+    datasheet: bool = False,
 ) -> Outcome:
     """Estimate the bias and every other process of a model over time, with a Kalman filter.
 
     The result is each process at each sample, with its standard deviation. The bias is the constant level plus all
     processes except white noise and quantization noise. Samples in gaps are missing: the filter predicts across them,
     and the band widens. The band does not include the uncertainty of the parameters.
+
+    Result:
+        kind: Estimate each sample from the whole recording (smooth), or from the samples up to it (filter).
+        predict (LENGTH): Predict the processes for this time after the end of the recording, such as 90s, 10min, 1h30m
+            or a number of seconds, instead of estimating them in it.
+        label (LABEL): Process for --output and --plot: bias, level, or a term of the model such as GM[1]. Repeat the
+            option for more processes. Default: all processes for --output, the bias for --plot.
+        confidence (LEVEL): Level of the confidence bands.
+        output (--output, -o): Write the time, the data, and each process with its standard deviation to this .csv or
+            .parquet file, in SI units. Missing samples are NaN.
+        plot: Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.
+        datasheet: Use deg/h and mg instead of rad/s and m/s².
     """
     from gmwm.recording.writers import table_path
 
@@ -239,13 +208,12 @@ def track(
 
 
 def _tracks(
-    models: Mapping[str, AxisModel], signals: Mapping[str, Signal], kind: Literal["smooth", "filter"],
+    models: Mapping[str, AxisModel], signals: Mapping[str, gmwm.Signal], kind: Literal["smooth", "filter"],
     ahead: float | None,
 ) -> dict[str, Tracks]:  # fmt: skip
-    from gmwm.cli.output import over_axes
     from gmwm.fitting.likelihood import filter_tracks, predict_tracks, smooth_tracks
 
-    def one(signal: Signal) -> Tracks:
+    def one(signal: gmwm.Signal) -> Tracks:
         model = models[signal.axis].model
         if ahead is not None:
             steps = round(ahead * signal.rate)

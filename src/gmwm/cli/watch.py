@@ -9,36 +9,32 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
+import gmwm
 from gmwm.base.errors import FitWarning, GmwmError, OptionError
 from gmwm.base.remarks import Remark
+from gmwm.base.text import duration_text
 from gmwm.base.time_base import parse_length, parse_share
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command, with_settings
-from gmwm.cli.measuring import Idle, growing_source, interruptible, remarks_on_end
-from gmwm.cli.options import Datasheet, Json
-from gmwm.cli.output import Outcome
-from gmwm.cli.read_options import Axes, Columns, Increments, Mount, Rate, ReadOptionTexts, Scale, Units, chosen_names
+from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
+from gmwm.cli.output import Outcome, table_text
+from gmwm.cli.read_options import ReadOptionTexts, chosen_names
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from gmwm.files.readers.streams import Stream
-    from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.variance.accumulate import WaveletAccumulator
-    from gmwm.measuring.variance.result import WaveletVariance
     from gmwm.recording.chunks import Chunk
-    from gmwm.theory.processes.model import Model
 
 
-def fit_curves(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
+def fit_curves(
+    model: gmwm.Model | None, curves: Mapping[str, gmwm.WaveletVariance]
+) -> tuple[dict[str, gmwm.Fit], dict[str, str]]:
     """Fit a model to each axis's wavelet variance; return fits, and reasons of failures, empty without model."""
-    from gmwm import fit
-
-    fits: dict[str, Fit] = {}
+    fits: dict[str, gmwm.Fit] = {}
     failed: dict[str, str] = {}
     if model is None:
         return fits, failed
@@ -46,26 +42,25 @@ def fit_curves(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tu
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", FitWarning)
-                fits[axis] = fit(model, curve, certify=False)
+                fits[axis] = gmwm.fit(model, curve, certify=False)
         except GmwmError as error:
             failed[axis] = error.reason
     return fits, failed
 
 
-def _needed_durations(fit: Fit, accuracy: float) -> dict[str, float | None]:
+def _needed_durations(fit: gmwm.Fit, accuracy: float) -> dict[str, float | None]:
     """Return the recording duration (s) at which each parameter reaches an accuracy; None if unknown or infinite."""
-    from gmwm import Model, plan
-
     wv = fit.wavelet_variance
     present = tuple(process for process in fit.model.processes if process.scale > 0)
     try:
-        needed = plan(Model(present), duration=wv.samples / wv.rate, rate=wv.rate).needed(accuracy) if present else {}
+        now = wv.samples / wv.rate
+        needed = gmwm.plan(gmwm.Model(present), duration=now, rate=wv.rate).needed(accuracy) if present else {}
     except GmwmError:
         needed = {}
     return {name: (seconds if seconds < float("inf") else None) for name, seconds in needed.items()}
 
 
-def _errors(fit: Fit) -> dict[str, float]:
+def _errors(fit: gmwm.Fit) -> dict[str, float]:
     """Return the relative standard error of each parameter; an empty mapping if they cannot be computed."""
     try:
         errors = fit.standard_errors
@@ -75,13 +70,10 @@ def _errors(fit: Fit) -> dict[str, float]:
 
 
 def whole_text(
-    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
-    datasheet: bool, live: bool = False,
+    curves: Mapping[str, gmwm.WaveletVariance], fits: Mapping[str, gmwm.Fit], failed: Mapping[str, str],
+    accuracy: float, datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
     """Format the complete status: a table of deviations for each sensor, and a table of estimates for each axis."""
-    from gmwm.base.text import duration_text
-    from gmwm.base.units import by_sensor
-    from gmwm.cli.output import table_text
     from gmwm.showing.plots.labels import view_of
 
     first = next(iter(curves.values()))
@@ -102,15 +94,13 @@ def whole_text(
     return "\n\n".join([parts[0], *answers, *parts[1:]] if live else [*parts, *answers])
 
 
-def _relative(wv: WaveletVariance) -> Any:
+def _relative(wv: gmwm.WaveletVariance) -> Any:
     """Return the relative error ½ √(2/η) of the deviation by scale, whose square is χ² with η degrees of freedom."""
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 
-def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
+def _estimates(axis: str, fit: gmwm.Fit, accuracy: float) -> str:
     """Format the estimates of an axis as a table, with intervals and whether the recording is long enough."""
-    from gmwm.base.text import duration_text
-    from gmwm.cli.output import table_text
     from gmwm.fitting.estimation.summary import IntervalMethod, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed_durations(fit, accuracy)
@@ -132,11 +122,10 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
 
 
 def one_line_of(
-    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
-    datasheet: bool,
+    curves: Mapping[str, gmwm.WaveletVariance], fits: Mapping[str, gmwm.Fit], failed: Mapping[str, str],
+    accuracy: float, datasheet: bool,
 ) -> str:  # fmt: skip
     """Format the status in one line: the duration, and for each axis the estimates, or deviations without a model."""
-    from gmwm.base.text import duration_text
     from gmwm.fitting.estimation.summary import IntervalMethod, short_values
     from gmwm.showing.plots.labels import view_of
 
@@ -165,7 +154,7 @@ def one_line_of(
 
 
 def as_dicts(
-    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
+    curves: Mapping[str, gmwm.WaveletVariance], fits: Mapping[str, gmwm.Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
     """Return the wavelet variance, fit, relative errors and needed duration of each axis as plain values for JSON."""
     from gmwm.fitting.estimation.summary import IntervalMethod, inference
@@ -190,31 +179,21 @@ EXAMPLES = (
 
 @command
 def watch(
-    file: Annotated[
-        str, typer.Argument(help="Text file that is being written, or - for standard input.", metavar="FILE|-")
-    ],
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    scale: Scale = None,
-    increments: Increments = None,
-    mount: Mount = None,
-    axis: Axes = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            "--model", "-m", help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
-            metavar="MODEL",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        str, typer.Option(help="Desired relative standard error, as 0.1 or 10%; at most 0.5.", metavar="SHARE")
-    ] = "0.1",
-    every: Annotated[str, typer.Option(help="Time between updates, such as 5s or 1min.", metavar="LENGTH")] = "5s",
-    idle: Idle = None,
-    datasheet: Datasheet = False,
-    json: Json = False,
-) -> Outcome:  # fmt: skip
+    file: str,
+    rate: float | None = None,
+    units: str | None = None,
+    columns: str | None = None,
+    scale: str | None = None,
+    increments: str | None = None,
+    mount: str | None = None,
+    axis: list[str] | None = None,
+    model: str | None = None,
+    accuracy: str = "0.1",
+    every: str = "5s",
+    idle: str | None = None,
+    datasheet: bool = False,
+    json: bool = False,
+) -> Outcome:
     """Watch a recording while it is written, and show when it is long enough.
 
     The command shows the Allan deviation of each axis with its standard error. With --model, it also shows the
@@ -224,15 +203,23 @@ def watch(
 
     The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is
     truncated or replaced, the command stops and prints the result up to that time.
+
+    Arguments:
+        file (FILE|-): Text file that is being written, or - for standard input.
+    Options:
+        model (--model, -m MODEL): Sum of processes, as for gmwm fit. It is fitted again at each update.
+        accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
+        every (LENGTH): Time between updates, such as 5s or 1min.
+    Result:
+        datasheet: Use deg/h and mg instead of rad/s and m/s².
     """
-    from gmwm import Model
     from gmwm.files.readers.growing_files import Lines, growing_stream
     from gmwm.fitting.inference.planning import as_accuracy
     from gmwm.measuring.streaming.passes import accumulators
 
     seconds, patience = parse_length(every, "every"), None if idle is None else parse_length(idle, "idle")
     share = as_accuracy(parse_share(accuracy))
-    parsed = None if model is None else Model.parse(model)
+    parsed = None if model is None else gmwm.Model.parse(model)
     if seconds <= 0:
         raise OptionError(argument="every", expected="longer than 0 s", got=every)
     texts = {
@@ -259,7 +246,7 @@ def watch(
     )  # fmt: skip
 
 
-def _feed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
+def _feed(source: Stream, measured: Mapping[str, gmwm.WaveletAccumulator], view: _StatusDisplay) -> GmwmError | None:
     """Feed the accumulators until the source ends; return its error or None, raised if samples are too few."""
     from gmwm.measuring.streaming.passes import feed_chunks
 
@@ -284,13 +271,13 @@ class _StatusDisplay:
     """The status display of a running watch. It shows the status at regular times, on a terminal or in lines."""
 
     def __init__(
-        self, every: float, stopped: Callable[[], bool], model: Model | None, accuracy: float, datasheet: bool,
+        self, every: float, stopped: Callable[[], bool], model: gmwm.Model | None, accuracy: float, datasheet: bool,
         json: bool,
     ) -> None:  # fmt: skip
         self._every, self._stopped = every, stopped
         self._model, self._accuracy, self._datasheet = model, accuracy, datasheet
         self._out = sys.stderr if json else sys.stdout
-        self._measured: Mapping[str, WaveletAccumulator] = {}
+        self._measured: Mapping[str, gmwm.WaveletAccumulator] = {}
         self._update: Callable[[str], None] = lambda text: None
         self._shown = time.monotonic()
         self._samples = 0
@@ -304,7 +291,7 @@ class _StatusDisplay:
         return not self._stopped()
 
     @contextmanager
-    def show_during(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:
+    def show_during(self, measured: Mapping[str, gmwm.WaveletAccumulator]) -> Iterator[None]:
         """Show the status of these accumulators while the block runs: live on a terminal, otherwise in lines."""
         self._measured = measured
         if not self._out.isatty():

@@ -5,31 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
+import gmwm
+from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, open_recording, stream_curves, tell_inspection
-from gmwm.cli.options import (
-    Efficiency,
-    Filter,
-    Plot,
-    ResultOption,
-    Robust,
-    TransformName,
-    Units,
-    View,
-    chosen_efficiency,
-    picture_units,
-    unit_system,
-)
-from gmwm.cli.output import Outcome, csv_file, plot_file, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
+from gmwm.cli.measuring import needs_memory, open_recording, stream_curves, tell_inspection
+from gmwm.cli.options import Chunked, Transform, View, chosen_efficiency, picture_units, unit_system
+from gmwm.cli.output import Outcome, csv_file, over_axes, plot_file, table_text
+from gmwm.cli.read_options import chosen_axes, chosen_names
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.files.readers.streams import Stream
-    from gmwm.measuring.variance.result import WaveletVariance
-    from gmwm.recording.signals import Imu
     from gmwm.showing.plots.labels import UnitSystem, ViewName
 
 EXAMPLES = (
@@ -40,23 +28,21 @@ EXAMPLES = (
 
 @command
 def wv(
-    file: File,
+    file: Path,
     reading: ReadOptions,
-    axis: Axes = None,
-    filter: Filter = "haar",
-    transform: TransformName = "modwt",
-    robust: Robust = False,
-    efficiency: Efficiency = None,
+    axis: list[str] | None = None,
+    filter: str = "haar",
+    transform: Transform = "modwt",
+    robust: bool = False,
+    efficiency: float | None = None,
     chunked: Chunked = "auto",
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    view: View = None,
-    datasheet: Units = None,
-    csv: Annotated[Path | None, ResultOption(help="Write all levels of all axes to this CSV file (SI units).")] = None,
-    plot: Plot = None,
-    overlay: Annotated[
-        bool, ResultOption("--overlay", help="Plot the axes x, y and z of a sensor in one panel.")
-    ] = False,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    view: View | None = None,
+    datasheet: bool | None = None,
+    csv: Path | None = None,
+    plot: Path | None = None,
+    overlay: bool = False,
 ) -> Outcome:
     """Print the wavelet variance of each axis, or its Allan deviation.
 
@@ -67,6 +53,17 @@ def wv(
     bad sample affects 2^j coefficients of level j. If more than half of the coefficients are zero, as for a coarsely
     quantized sensor, the robust variance may be zero, and the command prints a warning. gmwm compare plots the
     classical and the robust variance.
+
+    Estimation:
+        filter: Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.
+    Parallel work:
+        scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the
+            recording and needs the file at the same path. Default: this process.
+        workers (≥ 1): Number of processes on this machine; each reads a part of the recording. Default: threads in one
+            process.
+    Result:
+        csv: Write all levels of all axes to this CSV file (SI units).
+        overlay: Plot the axes x, y and z of a sensor in one panel.
     """
     from gmwm.showing.plots.labels import view_of
 
@@ -98,12 +95,10 @@ def wv(
 
 
 def _measure(
-    recording: Imu | Stream, axis: list[str] | None, *, filter: str, transform: Literal["modwt", "dwt"], robust: bool,
-    efficiency: float, scheduler: str | None, workers: int | None,
-) -> dict[str, WaveletVariance]:  # fmt: skip
+    recording: gmwm.Imu | Stream, axis: list[str] | None, *, filter: str, transform: Literal["modwt", "dwt"],
+    robust: bool, efficiency: float, scheduler: str | None, workers: int | None,
+) -> dict[str, gmwm.WaveletVariance]:  # fmt: skip
     """Compute the wavelet variance of each axis. The remarks of the inspection become warnings of the command."""
-    from gmwm import wavelet_variance
-    from gmwm.cli.output import over_axes
     from gmwm.files.readers.streams import Stream
 
     chosen = chosen_names(recording.axes, axis)
@@ -111,14 +106,14 @@ def _measure(
         return stream_curves(
             recording, chosen, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers
         )
-    measure = partial(wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+    measure = partial(gmwm.wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
     results = over_axes(measure, chosen_axes(recording, axis), "wavelet variance")
     tell_inspection(recording)
     return results
 
 
 def _draw(
-    results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
+    results: Mapping[str, gmwm.WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
 ) -> None:
     from gmwm.showing.plots.imu import plot_imu
 
@@ -128,9 +123,8 @@ def _draw(
         plot_imu(results, split=not overlay, view=view, units=system, path=path)
 
 
-def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
+def _curves_text(results: Mapping[str, gmwm.WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each sensor: several axes side by side, or one axis with its confidence intervals."""
-    from gmwm.base.units import by_sensor
     from gmwm.showing.plots.labels import view_of
 
     sensors = by_sensor(results)

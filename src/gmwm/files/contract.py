@@ -146,7 +146,7 @@ class Reader(ABC):
 
     name: ClassVar[str]
     """Name of the format, for the `format` option."""
-    extensions: ClassVar[tuple[str, ...]]
+    extensions: ClassVar[tuple[str, ...]] = ()
     """Usual file name extensions, lower case, with the dot; empty if the user must name the format."""
     folder_sign: ClassVar[str] = ""
     """Name of the file that identifies the format of a directory; "" if a recording is a file."""
@@ -157,7 +157,8 @@ class Reader(ABC):
     """First bytes of the files, for `sniff`."""
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
+        """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match,
+        as for every file of a format without signatures, which the user names.
 
         The content decides. If two formats match equally well, the extension decides.
         """

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import partial
-from types import MappingProxyType
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import FrozenMappings, Vector, as_rate
 from gmwm.base.errors import DataError
 from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised
+from gmwm.base.threads import in_threads
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.options import as_confidence
-from gmwm.recording.signals import Imu
+from gmwm.recording.signals import Imu, Signal
 
 T = TypeVar("T")
+Options = ParamSpec("Options")
+Single = TypeVar("Single", covariant=True)
+Several = TypeVar("Several", covariant=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class AxisResults(Summarised, Plotted, Mapping[str, T]):
+class AxisResults(FrozenMappings, Summarised, Plotted, Mapping[str, T]):
     """Mapping of axis to result. A subclass has one field, the mapping, and `noun` for one of its results."""
 
     noun = "result"
@@ -30,11 +34,7 @@ class AxisResults(Summarised, Plotted, Mapping[str, T]):
     def __post_init__(self) -> None:
         if not self._results:
             raise DataError(argument=self._field, expected=f"the {self.noun} of at least one axis", got=self._results)
-        object.__setattr__(self, self._field, MappingProxyType(dict(self._results)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
-        return partial(type(self), **{self._field: dict(self._results)}), ()
+        super().__post_init__()
 
     def __getitem__(self, axis: str) -> T:
         try:
@@ -112,6 +112,34 @@ def signals_of(x: Any) -> dict[str, Any] | None:
     if isinstance(x, np.ndarray) and x.ndim == 2 and x.shape[0] >= MINIMUM_SAMPLES and x.shape[0] > x.shape[1] > 1:
         return {f"column_{k}": x[:, k] for k in range(x.shape[1])}
     return None
+
+
+class ByAxis(Protocol[Options, Single, Several]):
+    """Function of a signal that also takes a recording, and then returns the results of all axes or columns."""
+
+    @overload
+    def __call__(self, x: Signal | ArrayLike, /, *args: Options.args, **options: Options.kwargs) -> Single: ...
+    @overload
+    def __call__(self, x: Imu, /, *args: Options.args, **options: Options.kwargs) -> Several: ...
+
+
+def by_axis(
+    collect: Callable[[dict[str, Any]], Several], *, threaded: bool = False
+) -> Callable[[Callable[Concatenate[Any, Options], Single]], ByAxis[Options, Single, Several]]:
+    """Let a function of a signal take a recording too; `collect` makes one result of those of the axes."""
+
+    def extend(function: Callable[Concatenate[Any, Options], Single]) -> ByAxis[Options, Single, Several]:
+        @wraps(function)
+        def of_axes(x: Any, *args: Options.args, **options: Options.kwargs) -> Single | Several:
+            if (signals := signals_of(x)) is None:
+                return function(x, *args, **options)
+            if threaded:
+                return collect(in_threads(lambda _, signal: function(signal, *args, **options), signals))
+            return collect({axis: function(signal, *args, **options) for axis, signal in signals.items()})
+
+        return cast(ByAxis[Options, Single, Several], of_axes)
+
+    return extend
 
 
 def rate_of_array(rate: float | None) -> float:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.arrays import as_rate
+from gmwm.base.arrays import as_number, as_rate
 from gmwm.base.errors import OptionError, UnitError
 from gmwm.base.units import AXES, LENGTHS, LONG_TIME_UNITS, POSITIONS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 from gmwm.recording.time_ranges import kept_ranges
@@ -128,15 +128,13 @@ def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
         raise OptionError(argument=name, expected=f"{', '.join(others)} or {last}", got=value)
 
 
-def as_size(value: object) -> float:
+def as_size(value: float) -> float:
     """Check the significance level of a test: a number between 0 and 1.
 
     >>> as_size(0.05)
     0.05
     """
-    if isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool) and 0 < value < 1:
-        return float(value)
-    raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=value)
+    return as_number(value, "size", lambda size: 0 < size < 1, "a probability between 0 and 1, such as 0.05")
 
 
 def as_confidence(value: object, name: str = "confidence") -> float:
@@ -151,13 +149,6 @@ def as_confidence(value: object, name: str = "confidence") -> float:
             advice="Write {percent:g} % as {share:g}.", percent=percent, share=percent / 100,
         )  # fmt: skip
     return number
-
-
-def as_whole_number(value: int, name: str, least: int) -> int:
-    """Check a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
-    return int(value)
 
 
 _UNITS = '{"gyro": "deg/s", "accel": "g"}'

@@ -9,7 +9,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, as_number
 from gmwm.base.errors import DataError, GmwmWarning, OptionError
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.reporting import warn
@@ -171,11 +171,9 @@ def _check(pair: tuple[float, float]) -> tuple[float, float]:
     return begin, end
 
 
-def _seconds(time: object, name: str) -> float:
+def _seconds(time: float, name: str) -> float:
     """Check a time (s), and return it."""
-    if isinstance(time, bool) or not isinstance(time, int | float | np.number) or not 0 <= time < 1e300:
-        raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
-    return float(time)
+    return as_number(time, name, lambda time: 0 <= time < 1e300, "a time in seconds from the first sample, 0 or more")
 
 
 def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:

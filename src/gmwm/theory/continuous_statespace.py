@@ -171,7 +171,8 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
     gain = scipy.linalg.expm(system / rate)[: p * p, p * p :]
     density = np.linalg.solve(gain, space.Q.ravel()).reshape(p, p)
     density = (density + density.T) / 2
-    return (a, density) if _is_covariance(density / _sizes(space.Q) / rate) else None
+    spectrum = np.linalg.eigvalsh(density / _sizes(space.Q) / rate)
+    return (a, density) if spectrum[0] >= -_ROUNDING * np.max(np.abs(spectrum)) else None
 
 
 def _keeps_its_range(space: StateSpace) -> bool:
@@ -189,11 +190,6 @@ def _sizes(covariance: Matrix) -> Matrix:
     deviations = np.sqrt(np.diag(covariance))
     deviations = np.where(deviations > 0, deviations, 1.0)
     return np.asarray(np.outer(deviations, deviations), dtype=np.float64)
-
-
-def _is_covariance(matrix: Matrix) -> bool:
-    values = np.linalg.eigvalsh(matrix)
-    return bool(values[0] >= -_ROUNDING * np.max(np.abs(values)))
 
 
 def _blocks(linked: Booleans) -> list[Integers]:

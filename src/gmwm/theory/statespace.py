@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Matrix, Vector, as_levels, freeze
 from gmwm.base.errors import ModelError
+from gmwm.base.lazy import scipy
 
 __all__ = ["StateSpace"]
 
@@ -116,23 +117,7 @@ class StateSpace:
         levels : int or (J,) array of int
             Number of levels, or the levels.
         """
-        numbers = as_levels(levels)
-        result = np.empty(numbers.size)
-        block = _StateBlock.one_sample(self)
-        for level in range(1, int(numbers[-1]) + 1):
-            if level > 1:
-                block = block.followed_by(block)
-            at = np.flatnonzero(numbers == level)
-            if at.size:
-                result[at[0]] = self._adjacent_difference(block) / 4.0**level
-        return result
-
-    def _adjacent_difference(self, block: _StateBlock) -> float:
-        """Return E(second block sum − first block sum)² for two adjacent blocks from t = 0 on."""
-        start = block.sum_of @ block.transition - block.sum_of
-        weights = np.append(block.sum_of, -1.0)
-        noise = float(weights @ block.noise @ weights) + float(block.noise[-1, -1])
-        return float(start @ self.P0 @ start) + noise + float(start @ self.m0) ** 2
+        return np.asarray(haar_variances([self], levels)[0])
 
     def block_variance(self, lengths: ArrayLike) -> Vector:
         """Return the variance of the sum of the first m samples, for each of the n numbers m ≥ 0 in `lengths`."""
@@ -258,13 +243,9 @@ class _StateBlock:
     noise: Matrix
 
     @classmethod
-    def one_sample(cls, space: StateSpace) -> _StateBlock:
-        return cls(space.F, space.H[0], _block_diagonal([space.Q, space.R]))
-
-    @classmethod
     def of(cls, space: StateSpace, length: int) -> _StateBlock:
         """Return a block of `length` ≥ 1 samples, by repeated squaring."""
-        power, result = cls.one_sample(space), None
+        power, result = cls(space.F, space.H[0], _block_diagonal([space.Q, space.R])), None
         while True:
             if length & 1:
                 result = power if result is None else power.followed_by(result)
@@ -288,12 +269,7 @@ class _StateBlock:
 
 
 def _block_diagonal(blocks: list[Matrix]) -> Matrix:
-    size = sum(len(b) for b in blocks)
-    result, at = np.zeros((size, size)), 0
-    for block in blocks:
-        result[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
-    return result
+    return np.asarray(scipy.linalg.block_diag(np.zeros((0, 0)), *blocks))
 
 
 def _root(covariance: Matrix) -> Matrix:

@@ -3,15 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from gmwm.options import ReadOptions
 
 from gmwm.base.results import Plotted
 from gmwm.cli.command import command
-from gmwm.cli.options import ResultOption
 from gmwm.cli.output import NewFile, Outcome, table_text
-from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.read_options import chosen_axes, load
 
 EXAMPLES = ("gmwm spread static.csv", "gmwm spread static.csv --axis gyro --digits 3 --plot spread.png")
 
@@ -25,13 +23,14 @@ class Spread(Plotted):
 
 @command
 def spread(
-    file: File,
-    reading: ReadOptions,
-    axis: Axes = None,
-    digits: Annotated[int, ResultOption(help="Significant digits.", min=1, max=17)] = 5,
-    plot: Annotated[Path | None, ResultOption(help="Plot to this file.")] = None,
+    file: Path, reading: ReadOptions, axis: list[str] | None = None, digits: int = 5, plot: Path | None = None
 ) -> Outcome:
-    """Print the mean and the standard deviation of each axis."""
+    """Print the mean and the standard deviation of each axis.
+
+    Result:
+        digits (1 … 17): Significant digits.
+        plot: Plot to this file.
+    """
     signals = chosen_axes(load(file, reading), axis)
     result = Spread(
         {name: (float(signal.values.mean()), float(signal.values.std())) for name, signal in signals.items()}

@@ -22,14 +22,13 @@ from gmwm.applications.monitor.baseline import (
 )
 from gmwm.applications.monitor.charts import LONGEST_PAUSE_S, Alarm, ChartSettings
 from gmwm.applications.monitor.whitening import Finite, Gain, number, require_scale, whole
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, as_whole_number
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
 from gmwm.base.units import AXES, SI_UNIT, axis_quantity
 from gmwm.recording.chunks import Chunk
-from gmwm.recording.options import as_whole_number
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -173,6 +172,7 @@ class Monitor(OneAtATime):
         self._deadline: int | None = None
         self._moved: Stillness | None = None
         self._lost_until = -1
+        self._lost = 0
         self._segment: int | None = None
 
     @property
@@ -184,6 +184,11 @@ class Monitor(OneAtATime):
     def samples(self) -> int:
         """Number of samples that the monitor has received."""
         return self._count
+
+    @property
+    def lost(self) -> int:
+        """Number of samples that are known to be missing, in all gaps. Only the first gap in a minute is an event."""
+        return self._lost
 
     @property
     def _now(self) -> float:
@@ -332,6 +337,7 @@ class Monitor(OneAtATime):
 
     def _after_gap(self, time: float, samples: int | None, *, told: bool = False) -> list[Event]:
         before = self._now
+        self._lost += samples or 0
         for axis in self._axes.values():
             axis.gap(samples)
         if self._moved is not None:
@@ -423,7 +429,7 @@ class Monitor(OneAtATime):
         state = {
             "axes": {axis: monitored.save() for axis, monitored in self._axes.items()}, "runs": self._clock.runs,
             "count": self._count, "pool": self._pool, "deadline": self._deadline, "moved": self._moved,
-            "lost_until": self._lost_until, "segment": self._segment,
+            "lost_until": self._lost_until, "lost": self._lost, "segment": self._segment,
         }  # fmt: skip
         models = {axis: str(model) for axis, model in self.models.items()}
         return {
@@ -463,7 +469,7 @@ class Monitor(OneAtATime):
         self._moved = None if state["moved"] is None else Stillness.from_dict(state["moved"])
         if self._moved is not None and self._moved.held and set(self._moved.held) != set(self._axes):
             raise ValueError("held must have all axes")
-        self._lost_until = whole(state["lost_until"])
+        self._lost_until, self._lost = whole(state["lost_until"]), whole(state["lost"])
         self._segment = None if state["segment"] is None else whole(state["segment"])
 
     def __repr__(self) -> str:

@@ -14,7 +14,7 @@ from gmwm.applications.monitor.whitening import Gain, Whitener, number, numbers,
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import ReadError
-from gmwm.base.text import round_text
+from gmwm.base.text import counted, round_text
 
 Kind = Literal[
     "noise-up", "noise-down", "jump", "ramp", "hum", "spike", "frozen", "saturated", "lost", "clock", "moved", "still"
@@ -102,7 +102,7 @@ class Event:
             "hum": f"periodic disturbance of {amount} {unit} at {round_text(self.frequency or 0.0, 3)} Hz",
             "spike": f"spike of {amount} {unit}", "frozen": "value does not change any more",
             "saturated": "value stays at a limit outside the usual range",
-            "lost": f"{int(self.size)} samples lost" if self.size else "samples lost",
+            "lost": f"{counted(int(self.size), 'sample')} lost" if self.size else "samples lost",
             "clock": f"time stamps went back by {amount} {unit}",
             "moved": "the unit was moved: charts rest until it is still", "still": "the unit is still again",
         }  # fmt: skip

@@ -154,12 +154,8 @@ class _Culprits:
 
 def _times(model: Model, factor: float, rate: float) -> Model:
     """Return a model with all variances times a factor, without drifts: their slopes differ between units."""
-    scaled = []
-    for process in model.processes:
-        if process.scale > 0 and not is_ramp(process, rate):
-            name = process.scale_parameter().name
-            scaled.append(process.with_values(**{name: process.value_from(process.scale * factor)}))
-    return Model(tuple(scaled))
+    kept = [process for process in model.processes if process.scale > 0 and not is_ramp(process, rate)]
+    return Model(tuple(process.with_scale(process.scale * factor) for process in kept))
 
 
 def _baselines(

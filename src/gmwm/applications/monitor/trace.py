@@ -98,7 +98,8 @@ class Trace(Plotted):
         length = duration_text(monitor.samples / monitor.rate)
         count = counted(len(self.events), "event") if self.events else "no event"
         motion = "; the unit was moved and is not yet still" if monitor.resting else ""
-        return f"{count} in {length} ({counted(monitor.samples, 'sample')}) of {', '.join(monitor.axes)}{motion}"
+        lost = f", {monitor.lost} lost" if monitor.lost else ""
+        return f"{count} in {length} ({counted(monitor.samples, 'sample')}{lost}) of {', '.join(monitor.axes)}{motion}"
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with the result, the events and the plots as one HTML page, and return its path.

@@ -22,6 +22,7 @@ from gmwm.applications.several.matrices import (
     units_of,
 )
 from gmwm.applications.several.result import CrossCovariance, SharedNoise
+from gmwm.applications.several.search import sum_model
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.errors import DataError, GmwmError
 from gmwm.base.lazy import scipy
@@ -46,7 +47,6 @@ from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.gaps import fill_gaps, filled
 from gmwm.recording.options import as_confidence, as_size
 from gmwm.recording.signals import Imu, Signal
-from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
 Pair = tuple[str, str]
@@ -344,7 +344,7 @@ class _UnitNoise(NamedTuple):
     @classmethod
     def of(cls, model: Model, design: Design) -> _UnitNoise:
         unit = math.exp(float(np.mean(np.log(model.wavelet_variance(design.levels, design.rate)))))
-        model = Model(tuple(_with_scale(process, process.scale / unit) for process in model.processes))
+        model = Model(tuple(process.with_scale(process.scale / unit) for process in model.processes))
         return cls(model, model.wavelet_variance(design.levels, design.rate), variances(model, _gaussian(design)))
 
 
@@ -356,26 +356,13 @@ def _gaussian(design: Design) -> Design:
 def _freedom(first: _UnitNoise, second: _UnitNoise, design: Design) -> Vector:
     """Return the degrees of freedom η_j (J,) of the correlation of two signals that share no noise."""
     plain = _gaussian(design)
-    both = _sum(first.model, second.model)
+    both = sum_model((*first.model.processes, *second.model.processes))
     # Var ν̂² of the sum of independent signals contains the mixed term 4 Σ n C_a C_b / M².
     total = variances(both, plain)
     null = (total - first.variances - second.variances) / 4
     if design.efficiency is not None:
         null *= variances(both, replace(plain, efficiency=design.efficiency)) / total
     return np.asarray(first.curve * second.curve / null)
-
-
-def _with_scale(process: Process, scale: float) -> Process:
-    return process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
-
-
-def _sum(first: Model, second: Model) -> Model:
-    """Return the model of the sum of two independent signals. Terms with the same shape are merged."""
-    scales: dict[tuple[type[Process], tuple[float, ...]], float] = {}
-    for process in (*first.processes, *second.processes):
-        key = type(process), tuple(process.nonlinear.tolist())
-        scales[key] = scales.get(key, 0.0) + process.scale
-    return Model(tuple(_with_scale(kind.standard(np.array(shape)), scale) for (kind, shape), scale in scales.items()))
 
 
 def _pvalues(correlation: Vector, freedom: Vector) -> Vector:

@@ -22,7 +22,7 @@ from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Remark, texts
 from gmwm.base.results import Plotted, register
-from gmwm.base.text import Named, Summarised, p_relation, table_with_rule
+from gmwm.base.text import Named, Summarised, gap_text, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
 from gmwm.fitting.likelihood.tracks import Tracks
 from gmwm.recording.options import as_confidence
@@ -279,11 +279,7 @@ class JointFit(Summarised, Plotted):
         models = {}
         for k, axis in enumerate(self.axes):
             scales = [float(self.covariances[term][k, k]) for term in self.terms]
-            parts = [
-                process.with_values(**{process.scale_parameter().name: process.value_from(scale)})
-                for process, scale in zip(processes, scales, strict=True)
-            ]
-            models[axis] = sum_model(parts)
+            models[axis] = sum_model(p.with_scale(scale) for p, scale in zip(processes, scales, strict=True))
         return Named(models, "axis")
 
     def state_space(self, rate: float | None = None) -> JointStateSpace:
@@ -403,8 +399,8 @@ class JointFit(Summarised, Plotted):
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
         tests += [self.shared(term).summary() for term in self._shareable]
         if self.lower_bound is not None:
-            share = max(1 - self.lower_bound / self.objective, 0.0)
-            tests.append(f"No other parameters of this model lower the objective by more than {100 * share:.2g} %.")
+            share = 1 - self.lower_bound / self.objective
+            tests.append(f"No other parameters of this model lower the objective by more than {gap_text(share)}.")
             if not self.proved:
                 tests.append("This bound does not prove that the fit is the optimum.")
         return "\n".join([*lines, "", *tests])

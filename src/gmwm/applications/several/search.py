@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations, islice, product
@@ -149,17 +150,12 @@ def with_kind(terms: tuple[JointTerm, ...], place: int, kind: Kind) -> tuple[Joi
     return (*terms[:place], replace(terms[place], kind=kind), *terms[place + 1 :])
 
 
-def sum_model(parts: list[Process]) -> Model:
+def sum_model(parts: Iterable[Process]) -> Model:
     """Return the model of one signal as the sum of processes. Processes with the same shape are merged."""
     merged: dict[Any, Process] = {}
     for process in parts:
         key = (type(process), *process.nonlinear.tolist())
-        if key in merged:
-            scale = merged[key].scale + process.scale
-            name = process.scale_parameter().name
-            merged[key] = process.with_values(**{name: process.value_from(scale)})
-        else:
-            merged[key] = process
+        merged[key] = process.with_scale(merged[key].scale + process.scale) if key in merged else process
     return Model(tuple(merged.values()))
 
 

@@ -164,7 +164,7 @@ def codes_text() -> str:
 def _similar(code: str) -> str:
     import difflib
 
-    names = difflib.get_close_matches(code, messages(), n=3, cutoff=0.5)
+    names = difflib.get_close_matches(code, messages(), n=3)
     return f"Similar codes: {', '.join(names)}." if names else "`gmwm explain` without a code lists all codes."
 
 

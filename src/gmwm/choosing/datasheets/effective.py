@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, as_number
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
@@ -65,7 +65,8 @@ def curve_ratio(fit: Fit) -> CurveRatio | None:
     for process in fit.model.processes:
         if process.scale != 0 and process.oscillation() is not None:
             lines += process.wavelet_variance(wv.levels, wv.rate, wv.filter)
-    usable = (wv.variance > lines) & (fit.implied > lines) & (wv.lower > 0)
+    # Where oscillations prevail, a small error of their shape is a large one of the noise below them.
+    usable = (wv.variance > 2 * lines) & (fit.implied > 2 * lines) & (wv.lower > 0)
     measured, implied = np.log(wv.variance[usable]), np.log(fit.implied[usable])
     limit = np.where(implied > measured, np.log(wv.upper[usable]), np.log(wv.lower[usable]))
     error = np.abs(limit - measured) / NormalDist().inv_cdf((1 + wv.confidence) / 2)
@@ -204,9 +205,7 @@ def changes_by_curve(fit: Fit) -> dict[str, float]:
 
 def checked_horizon(horizon: float) -> float:
     """Return a time horizon (s) as float. Raises an OptionError if it is not positive and finite."""
-    if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
-        raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
-    return float(horizon)
+    return as_number(horizon, "horizon", lambda time: time > 0, "a positive time (s)")
 
 
 def limited(fit: Fit, entries: Mapping[str, Entry], horizon: float, level: float) -> dict[str, Entry]:
@@ -431,7 +430,7 @@ def numbers_at(
         numbers = filter_numbers(model.processes, rate, seconds)
         times = {
             f"T_c of {term}": process.correlation_time(rate)
-            for term, process in zip(model.terms, model.processes, strict=True)
+            for term, process in model.by_term.items()
             if process.parametrises is not None
         }
         rows.append({fit.condition: float(condition), "N": numbers.N, "K": numbers.K, **times})

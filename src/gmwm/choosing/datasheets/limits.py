@@ -57,8 +57,7 @@ def allan_limit(wv: WaveletVariance, process_ratio: Vector) -> float:
 
 def at_some_strength(process: Process) -> Process:
     """Return a process, with a scale of 1 if it is zero."""
-    scale = process.scale_parameter()
-    return process if process.scale > 0 else process.with_values(**{scale.name: process.value_from(1.0)})
+    return process if process.scale > 0 else process.with_scale(1.0)
 
 
 _KINDS: Mapping[str, type[Process]] = {"N": WN, "K": RW}

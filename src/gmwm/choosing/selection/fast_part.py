@@ -159,11 +159,6 @@ def process_of(shape: SpectralShape | Alternative) -> Process:
     return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
 
 
-def _through(average: MovingAverage) -> Process:
-    """Return white noise through an average of samples, with a free variance."""
-    return process_of(Alternative(phi=np.empty(0), theta=average.taps, density=1.0, weight=1.0))
-
-
 def with_average_error(wv: WaveletVariance, average: MovingAverage, fit: Fit) -> WaveletVariance:
     """Add the change of slow noise by the average to the covariance, because slow terms do not pass it, and leave out
     levels that change by a tenth. `fit` has the most flicker noise, which is fastest."""
@@ -258,8 +253,7 @@ def band_errors(shape: SpectralShape, rate: float) -> dict[str, float]:
 
 
 def _band(process: Process, rate: float) -> dict[str, float]:
-    scale = process.scale_parameter().name
-    numbers = process.with_values(**{scale: process.value_from(1.0)}).physical(rate)
+    numbers = process.with_scale(1.0).physical(rate)
     return {number.symbol: number.value for number in numbers if number.symbol in BAND}
 
 
@@ -317,7 +311,8 @@ def fast_parts(
     check()
     average = spectrum.average
     if average is not None and find_filter(wv.filter) is HAAR:
-        terms = (_through(average), *peaks)
+        white = Alternative(phi=np.empty(0), theta=average.taps, density=1.0, weight=1.0)  # through the average
+        terms = (process_of(white), *peaks)
         longer = wv.only(wv.levels[np.ldexp(1.0, wv.levels - 1) >= average.passes * average.length])
         fit = nearly_fitted(largest_within("FN + RW", longer, terms), longer, general.weighting)
         yield FastPart(wavelet_variance=with_average_error(wv, average, fit), terms=terms)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Matrix, as_whole_number
 from gmwm.base.documents import Documented
 from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
@@ -22,7 +22,7 @@ from gmwm.choosing.selection.structure import structure_of
 from gmwm.fitting.estimation.bootstrap import DRAWS
 from gmwm.fitting.estimation.criterion import Criterion
 from gmwm.fitting.estimation.result import Fit
-from gmwm.recording.options import as_confidence, as_whole_number, one_of
+from gmwm.recording.options import as_confidence, one_of
 from gmwm.theory.processes.model import Model, as_model
 
 if TYPE_CHECKING:

@@ -206,7 +206,9 @@ def _tables(path: Path) -> list[_ArchiveTable]:
         raise ReadError(
             f"{path} holds no table with a known axis; its files: {shown or 'none'}",
             code="no-inertial-data",
-            advice="Unpack it, and pass the table with {--columns}.",
+            advice="Save each sheet as CSV, and pass the CSV file."
+            if path.suffix.lower() in (".xlsx", ".xlsm", ".ods")
+            else "Unpack it, and pass the table with {--columns}.",
         )
     return tables
 

@@ -25,7 +25,6 @@ class OxtsReader(Reader):
     """Reader of the folder oxts of a drive of KITTI."""
 
     name: ClassVar[str] = "oxts"
-    extensions: ClassVar[tuple[str, ...]] = ()
     folder_sign: ClassVar[str] = "timestamps.txt"
 
     def sniff(self, path: Path, head: bytes) -> float:

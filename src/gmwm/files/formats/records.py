@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base.documents import is_result
 from gmwm.base.errors import ReadError
 from gmwm.files.clock.lost_samples import MISSING
 from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
@@ -50,8 +51,9 @@ class JsonType:
         try:
             schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+            reason = f" ({str(error).splitlines()[0]})" if messages else ""
             raise ReadError(
-                f"{name} holds no JSON objects ({str(error).splitlines()[0]})", code="no-numbers",
+                f"{name} holds no JSON objects{reason}", code="no-numbers",
                 advice="Write one object for each sample, in a line of its own.",
             ) from error  # fmt: skip
         long = re.search(rb"(?<![\d.])\d{16,19}(?![\d.])", b"\n".join(messages[:10])) is not None
@@ -158,6 +160,12 @@ class _JsonSource(ConvertedSource):
     @cached_property
     def type(self) -> JsonType:
         """The type of the first objects."""
+        with self.inner.open() as file:
+            if is_result(file.read(200)):
+                raise ReadError(
+                    f"{self} is a result of gmwm, not a recording", code="no-inertial-data",
+                    advice="Pass the recording that it was computed from.",
+                )  # fmt: skip
         with self.inner.open() as file:
             return JsonType.of(list(islice(self.objects(file), 200)), self)
 

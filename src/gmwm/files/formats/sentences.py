@@ -139,12 +139,7 @@ class _State:
 class _SentenceFormat(Reader):
     """Base class of the readers of sentences."""
 
-    extensions: ClassVar[tuple[str, ...]] = ()
     scale: ClassVar[CountScale | None] = None  # the size of the counts, if the user names the type of the IMU
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0, because the user names the type of the IMU."""
-        return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording for each sentence with rates or accelerations."""

@@ -57,12 +57,7 @@ class RecordsReader(Reader):
 class _NamedReader(RecordsReader):
     """Reader of one type of .imu file, which the user names in the option `format`."""
 
-    extensions: ClassVar[tuple[str, ...]] = ()
     kind: ClassVar[RecordType]
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0, because the type cannot be recognised from the content."""
-        return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return one recording with the time and six axes, if the records have the size of this type."""

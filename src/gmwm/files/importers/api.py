@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gmwm.base.arrays import as_rate
+from gmwm.base.documents import is_result
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.files.importers.files import FORMATS, Format, ParameterFile, parse
 from gmwm.files.importers.values import EXAMPLE, Values, read_datasheet
@@ -113,6 +114,11 @@ def _is_file(path: Path) -> bool:
 
 
 def _recognised(path: Path, part: str) -> tuple[Format, ParameterFile]:
+    with path.open("rb") as file:
+        head = file.read(200)
+    if is_result(head):
+        advice = "Pass it as the calibration, or with {--from_fits}."
+        raise ReadError("the file is a result of gmwm, not of another program", advice=advice)
     if path.stat().st_size > _LARGEST:
         raise ReadError("the file is too large for a configuration")
     content = parse(path.read_text(encoding="utf-8", errors="replace"), path)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.units import AXES, POSITIONS, SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import rows_between
@@ -28,7 +29,7 @@ from gmwm.files.readers.builder import SampleBuilder, collect_samples
 from gmwm.files.readers.interpretation import Interpretation, RowSource, of_file, require_time, understand, warn
 from gmwm.files.readers.streams import CHUNK_SAMPLES, FileRows, HeldRows, Stream
 from gmwm.files.readers.topics import Source, found_reader, inertial_topics, one_layout, source_words
-from gmwm.recording.options import BadLines, Columns, Gaps, ReadOptions, as_whole_number
+from gmwm.recording.options import BadLines, Columns, Gaps, ReadOptions
 from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import kept_ranges
 

@@ -64,14 +64,9 @@ class SeveralFiles(Reader):
     """Reads several files one after the other. It is not registered: the number of files chooses it."""
 
     name: ClassVar[str] = "several files"
-    extensions: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, files: Sequence[Path], readers: Sequence[Reader]) -> None:
         self._files, self._readers = tuple(files), tuple(readers)
-
-    def sniff(self, path: Path, head: bytes) -> float:
-        """Return 0, because this reader is chosen by the number of files."""
-        return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Return the recordings of the first file."""

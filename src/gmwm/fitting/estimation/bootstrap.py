@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.base.errors import FitWarning, OptionError
+from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_whole_number
+from gmwm.base.errors import FitWarning
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.fitting.estimation.solver import model_of, solve_near
@@ -116,9 +116,7 @@ def bootstrap(
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
     """Check that a number of simulated recordings is a whole number of at least `least`, which `what` requires."""
-    if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
-        raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
-    return int(draws)
+    return as_whole_number(draws, name, least, expected=f"a whole number of at least {least}, for {what}")
 
 
 def least_draws(level: float) -> int:
@@ -139,7 +137,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     offset = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance does not determine the sign of a drift; the sign of an AR coefficient is estimated.
-    signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
+    signed = {f"{t}.{p.scale_parameter().name}" for t, p in fit.model.by_term.items()}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])
     estimates, objectives = np.empty((len(variances), len(free))), np.empty(len(variances))
     implied = np.empty_like(variances)

@@ -325,7 +325,9 @@ def _stack(
     factors = {model.terms.index(term): each.means(parts, term) for term, each in functions.items()}
     u, _, _ = _scaled(np.mean(parts, axis=-1))
     follows = {model.terms.index(term): Follows(link, 0.0, 0.0, u) for term, link in links.items()}
-    stack = Stack(_linked(model, follows), curves, factors, follows)
+    # The parameters that follow the condition are held, so that only scales are free.
+    held = [follows[k].link.at(p, 0.0) if k in follows else p for k, p in enumerate(model.processes)]
+    stack = Stack(Model(tuple(held)), curves, factors, follows)
     return stack if bins is None else replace(stack, whole=bins.whole, shares=bins.shares)
 
 
@@ -334,11 +336,6 @@ def _scaled(conditions: NDArray[np.float64]) -> tuple[NDArray[np.float64], float
     low, high = float(np.min(conditions)), float(np.max(conditions))
     middle, half = (low + high) / 2, (high - low) / 2
     return (conditions - middle) / half, middle, half
-
-
-def _linked(model: Model, follows: Mapping[int, Follows]) -> Model:
-    """Return the model in which the parameters that follow the condition are held, so that only scales are free."""
-    return Model(tuple(follows[k].link.at(p, 0.0) if k in follows else p for k, p in enumerate(model.processes)))
 
 
 def _check(
@@ -359,14 +356,14 @@ def _check(
         if term not in model.terms:
             raise OptionError(argument="varies", expected=f"terms of the model ({', '.join(model.terms)})", got=term)
     for term, link in links.items():
-        names = [p.name for p in model.processes[model.terms.index(term)].nonlinear_parameters()]
+        names = [p.name for p in model.by_term[term].nonlinear_parameters()]
         if names != [link.name] or shaped != (model.terms.index(term),):
             raise OptionError(
                 f"varies: {term}.{link.name} must be the only free shape of the model", argument="varies", got=term,
                 advice="Hold the shapes of the other terms with `fixed(…)`.",
             )  # fmt: skip
     for term in functions:
-        process = model.processes[model.terms.index(term)]
+        process = model.by_term[term]
         if model.terms.index(term) not in linear or process.scale_parameter().scale_power != 1:
             raise OptionError(
                 f"varies: only the variance of a term with a known shape can vary; {term} has a free or "

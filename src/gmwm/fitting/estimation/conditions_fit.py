@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
-from gmwm.base.text import Summarised, align, p_relation
+from gmwm.base.text import Summarised, align, gap_text, p_relation
 from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
@@ -146,11 +146,11 @@ class ConditionsFit(Summarised, Plotted):
         model, (functions, links, _) = next(iter(self.models.values())), parse_varies(self.varies)
         for term, link in links.items():
             a, b = (self.estimates[f"{term}.{link.name} ({name})"].value for name in "ab")
-            process = link.at(model.processes[model.terms.index(term)], a + b * condition)
+            process = link.at(model.by_term[term], a + b * condition)
             model = model.with_values({f"{term}.{link.name}": process.value(link.name)})
         values = {}
         for term, varied in functions.items():
-            name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
+            name = f"{term}.{model.by_term[term].scale_parameter().name}"
             values[name] = sum(
                 self.estimates[f"{name} ({function.text})"].value * float(function.of(np.array([float(condition)]))[0])
                 for function in varied.functions
@@ -168,9 +168,7 @@ class ConditionsFit(Summarised, Plotted):
         lines = [f"{self.structure} at {self.condition} {conditions}", *align(rows)]
         if self.lower_bound is not None:
             gap = (self.objective - self.lower_bound) / self.objective if self.objective > 0 else 0.0
-            lines.append(
-                f"global optimum: no other parameter values lower the objective by more than {100 * max(gap, 0):.2g} %"
-            )
+            lines.append(f"global optimum: no other parameter values lower the objective by more than {gap_text(gap)}")
         lines.append(
             f"goodness of fit: chi-square {self.statistic:.4g} on {self.df} degrees of freedom, "
             f"p {p_relation(self.pvalue)}"

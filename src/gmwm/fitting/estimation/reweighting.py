@@ -65,7 +65,7 @@ def settle(
     fixed: float = LIMITS.tolerance, first: First | None = None, search: bool = True, returns: int = 4,
 ) -> WeightedSolution:  # fmt: skip
     """Iterate estimate and weights until they agree (relative change `fixed`), from weights of the data or of `start`.
-    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data; if it finds another
+    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data; if that is another
     one, they are iterated again (`returns`). If estimates alternate, weights come from the likeliest mixture."""
     # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
     agreement = 1e-6

@@ -10,14 +10,13 @@ from typing import Literal
 import numpy as np
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector, as_whole_number
 from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.fitting.estimation.variable_projection import Coordinates, ShapePoint, Surface
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.result import WaveletVariance
-from gmwm.recording.options import as_whole_number
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.parameter import Dominant, Occasion

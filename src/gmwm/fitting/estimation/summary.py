@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import align
+from gmwm.base.text import align, gap_text
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
@@ -222,7 +222,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
         proven = fit.gap <= 1e-3 and (start is None or start.how != "sampled")
         claim = "global optimum" if proven else "best found"
         claim += " given the fixed values" if fit.model.fixed_names else ""
-        certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
+        certificate = f"{claim}, no other fit is lower by more than {gap_text(fit.gap)}"
         if start is not None and start.how == "sampled":
             certificate += f"; {start.in_words}"
     _, words = test_in_words(fit, how)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
+from gmwm.base.arrays import FrozenMappings, Matrix, Vector, as_number, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -88,7 +88,7 @@ NONE = PlannedGaps()  # no gaps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Plan(Summarised, Plotted):
+class Plan(FrozenMappings, Summarised, Plotted):
     """Relative standard errors of the estimates of a model for recordings of different lengths.
 
     Attributes
@@ -131,14 +131,6 @@ class Plan(Summarised, Plotted):
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
         for array in (self.durations, *self.errors.values()):
             freeze(array)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
-        build = partial(
-            Plan, model=self.model, rate=self.rate, weighting=self.weighting, durations=self.durations,
-            errors=dict(self.errors), unit=self.unit, losses=self.losses,
-        )  # fmt: skip
-        return build, ()
 
     @property
     def duration(self) -> float:
@@ -413,7 +405,7 @@ def _free(model: Model, rate: float) -> int:
     """Return the number of free parameters; raises ModelError if a parameter has no value or a term is zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
-        for term, process in zip(model.terms, model.processes, strict=True)
+        for term, process in model.by_term.items()
         if not process.is_complete
     }
     if missing:
@@ -427,7 +419,7 @@ def _free(model: Model, rate: float) -> int:
         )
     zero = [
         term
-        for term, process in zip(model.terms, model.processes, strict=True)
+        for term, process in model.by_term.items()
         if process.scale == 0 and not process.is_fixed(process.scale_parameter().name)
     ]
     if zero:
@@ -456,10 +448,8 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
 
 def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NONE) -> int:
     """Return the samples of a duration (s); OptionError unless it has more levels than `free` parameters."""
-    is_number = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
-    if not (is_number and math.isfinite(duration) and duration > 0):
-        raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
-    samples, least = round(float(duration) * rate), losses.shortest(1 << (free + 1))
+    duration = as_number(duration, "duration", lambda time: time > 0, "a positive number (s)")
+    samples, least = round(duration * rate), losses.shortest(1 << (free + 1))
     if samples < least:
         raise OptionError(
             argument="duration",
@@ -478,17 +468,8 @@ def samples_of(duration: float, rate: float, free: int, losses: PlannedGaps = NO
 
 def as_accuracy(accuracy: float) -> float:
     """Check that a desired relative standard error is above 0 and at most 0.5, and return it."""
-    if (
-        isinstance(accuracy, bool)
-        or not isinstance(accuracy, int | float | np.number)
-        or not 0 < accuracy <= CERTAIN_ERROR
-    ):
-        raise OptionError(
-            argument="accuracy",
-            expected=f"a relative standard error above 0 and at most {CERTAIN_ERROR:g} (0.1 for 10 %)",
-            got=accuracy,
-        )
-    return float(accuracy)
+    expected = f"a relative standard error above 0 and at most {CERTAIN_ERROR:g} (0.1 for 10 %)"
+    return as_number(accuracy, "accuracy", lambda share: 0 < share <= CERTAIN_ERROR, expected)
 
 
 def error_text(error: float) -> str:

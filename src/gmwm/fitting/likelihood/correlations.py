@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import statistics
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import Vector, as_rate, as_whole_number
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.likelihood.problem import as_record
-from gmwm.recording.options import as_whole_number
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model

@@ -40,7 +40,6 @@ from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.validation import require_values
 
 
@@ -106,7 +105,7 @@ def loglikelihood(
     terms = as_model(model)
     advice = "Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}."
     require_values(terms, "the likelihood", advice)
-    problem = LikelihoodProblem(_all_held(terms), as_record(data, rate), as_mean(mean))
+    problem = LikelihoodProblem(terms.held, as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
         raise nothing_to_chance(terms)
@@ -210,10 +209,6 @@ def fit_ml(
     return result
 
 
-def _all_held(model: Model) -> Model:
-    return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
-
-
 def _starting_model(
     wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None, regressed: Regressed | None = None
 ) -> Model:
@@ -253,13 +248,13 @@ def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     value, level = problem.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
     for label, k in drifts.items():
-        process = best.processes[best.terms.index(label)]
+        process = best.by_term[label]
         best = best.with_values({f"{label}.{process.scale_parameter().name}": float(level.values[k])})
     names, covariance = _covariance(problem, found, best, level)
     order = best.sorted(problem.rate)
-    ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
-    renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
-    labels = [_rename(name, renamed) for name in names]
+    ordered = {id(p): t for t, p in order.by_term.items()}
+    renamed = {t: ordered[id(p)] for t, p in best.by_term.items()}
+    labels = [f"{renamed[term]}.{parameter}" for term, _, parameter in (name.rpartition(".") for name in names)]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
@@ -290,23 +285,18 @@ def _remarks(
         yield Remark.of("term-zero", axis, case="fit", term=term)
     if not converged:
         yield Remark.of("not-converged", axis)
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         if process.scale > 0 and term not in acts_as:
             remarks = process.remarks(term, problem.record.observed, problem.rate)
             yield from (remark.about(axis) for remark in remarks)
     yield from approximation_remarks(model, problem.rate, axis)
 
 
-def _rename(name: str, terms: dict[str, str]) -> str:
-    term, _, parameter = name.rpartition(".")
-    return f"{terms[term]}.{parameter}"
-
-
 def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -> tuple[float | None, float | None]:
     """Return the estimated mean of the recording and its standard error; None if it is known or part of a random walk.
     If the variance of the random walk is estimated as zero, its constant level is the mean."""
     if problem.mean is None:
-        zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
+        zero = {term for term, process in best.by_term.items() if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):
             if regressor.flat and regressor.label in {LEVEL, *zero}:
                 error = math.sqrt(max(float(level.covariance[k, k]), 0.0))
@@ -338,7 +328,7 @@ def _covariance(
     active = list(found.active)
     turned = jacobian(problem, best)
     names, rows = [], []
-    for term, process in zip(best.terms, best.processes, strict=True):
+    for term, process in best.by_term.items():
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             row = turned.get(name)
@@ -347,7 +337,9 @@ def _covariance(
                 rows.append(row[active])
     covariance = np.zeros((len(names), len(names)))
     if rows:
-        evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
+        # The last evaluation may have derivatives with respect to other coordinates.
+        same = len(found.evaluation.gradient) == len(active) and not found.at_end
+        evaluation = found.evaluation if same else problem.evaluate(found.z, active)
         assert evaluation is not None
         inverse = invert(evaluation.information)
         by = np.array(rows)
@@ -360,17 +352,12 @@ def _covariance(
             covariance[unknown, unknown] = np.inf
     for k, regressor in enumerate(problem.regressors):
         if not regressor.flat:
-            process = best.processes[best.terms.index(regressor.label)]
+            process = best.by_term[regressor.label]
             names.append(f"{regressor.label}.{process.scale_parameter().name}")
             covariance = np.block(
                 [[covariance, np.zeros((len(covariance), 1))], [np.zeros((1, len(covariance))), level.covariance[k, k]]]
             )
     return names, covariance
-
-
-def _same(found: Maximum, active: list[int]) -> bool:
-    """Return whether the last evaluation has derivatives with respect to exactly these coordinates."""
-    return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
 def invert(information: Matrix) -> Matrix:

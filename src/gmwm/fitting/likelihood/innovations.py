@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.arrays import FrozenArrays, Vector, as_number, as_whole_number
 from gmwm.base.errors import FitWarning, OptionError
 from gmwm.base.results import Plotted
 from gmwm.base.statistics import autocorrelation, observed_pairs
@@ -25,7 +25,7 @@ from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record, standa
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import assemble
 from gmwm.fitting.likelihood.tracks import Modelled, pose_filter
-from gmwm.recording.options import as_confidence, as_whole_number
+from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
@@ -215,10 +215,7 @@ class Residuals(FrozenArrays, Summarised, Plotted):
     def _as_lags(self, lags: int | None) -> int:
         if lags is None:
             return self.usual_lags
-        most = self.observed.size - 1
-        if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags <= most:
-            raise OptionError(argument="lags", expected=f"a whole number from 1 to {most}", got=lags)
-        return int(lags)
+        return as_whole_number(lags, "lags", 1, self.observed.size - 1)
 
 
 def residuals(
@@ -398,8 +395,7 @@ def evaluate(
     >>> result.best, round(result["AR(2)"].rms_error, 1)
     ('AR(2)', 1.0)
     """
-    if isinstance(start, bool) or not isinstance(start, int | float) or not 0 < start < 1:
-        raise OptionError(argument="start", expected="a share between 0 and 1", got=start)
+    start = as_number(start, "start", lambda share: 0 < share < 1, "a share between 0 and 1")
     terms = [as_model(model) for model in models]
     if not terms:
         raise OptionError(argument="models", expected="at least one model", got=models)

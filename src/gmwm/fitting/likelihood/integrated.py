@@ -9,14 +9,14 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.arrays import FrozenArrays, Vector, as_whole_number
 from gmwm.base.errors import DataError, ModelError, OptionError
 from gmwm.base.text import Summarised
 from gmwm.fitting.likelihood.estimator import fit_ml
 from gmwm.fitting.likelihood.problem import as_record
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.tracks import BIAS, predict_tracks
-from gmwm.recording.options import as_confidence, as_whole_number
+from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged

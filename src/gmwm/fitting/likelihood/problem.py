@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, freeze
-from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, as_vector, freeze, require_rate
+from gmwm.base.errors import DataError, MissingTheoryError, ModelError
 from gmwm.base.text import counted
 from gmwm.fitting.likelihood.system import (
     FreeCoordinate,
@@ -78,11 +78,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     """Make a recording for the Kalman filter: gaps become missing samples by time stamps (1 if the clock was set back),
     as do NaN and masked values of an array."""
     if isinstance(data, Signal):
-        if rate is not None and as_rate(rate) != data.rate:
-            raise OptionError(
-                argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate,
-                advice="Leave {--rate} out.",
-            )  # fmt: skip
+        require_rate(rate, data.rate)
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
         raise DataError(
@@ -380,10 +376,5 @@ def nothing_to_chance(model: Model) -> ModelError:
 
 def as_mean(mean: float | None) -> float | None:
     """Check the known mean of a recording, and return it as a float, or None if it is unknown."""
-    if mean is None:
-        return None
-    if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
-        raise OptionError(
-            argument="mean", expected="a finite number in the unit of the data, or None if it is unknown", got=mean
-        )
-    return float(mean)
+    expected = "a finite number in the unit of the data, or None if it is unknown"
+    return None if mean is None else as_number(mean, "mean", lambda _: True, expected)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Matrix, Vector, as_whole_number, freeze
 from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
 from gmwm.base.text import Named
@@ -20,11 +20,10 @@ from gmwm.fitting.estimation import Fit
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, Record, as_mean, as_record, nothing_to_chance
 from gmwm.fitting.likelihood.result import LikelihoodFit
 from gmwm.fitting.likelihood.system import LEVEL, System, assemble
-from gmwm.recording.options import as_confidence, as_whole_number
+from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model, as_model
-from gmwm.theory.processes.parameter import Fixed
 from gmwm.theory.processes.validation import require_values
 
 Kind = Literal["filter", "smooth", "predict"]
@@ -207,8 +206,7 @@ def pose_filter(
             values=np.concatenate([record.values, np.full(steps, np.nan)]), rate=record.rate, unit=record.unit,
             axis=record.axis, start=record.start, centre=record.centre,
         )  # fmt: skip
-    held = terms.with_values({name: Fixed(v) for name, v in terms.parameters.items() if v is not None})
-    return LikelihoodProblem(held, record, as_mean(mean))
+    return LikelihoodProblem(terms.held, record, as_mean(mean))
 
 
 def _sums(problem: LikelihoodProblem, system: System) -> tuple[list[str], Matrix, Matrix]:
@@ -254,7 +252,7 @@ def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tupl
     elif problem.centre:
         found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
     random = {block.label for block in system.blocks}
-    for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
+    for label, process in problem.model.by_term.items():
         if label not in random:
             course = process.mean(np.arange(bias.size))
             found[label] = (np.asarray(course, dtype=np.float64), np.zeros(bias.size))

@@ -192,9 +192,12 @@ def _density(noise: Model, cycles: list[float], design: Design) -> Vector:
         if process.has("psd"):
             total += design.rate * process.psd(np.abs(cycles) * design.rate, design.rate)
             continue
+        if not np.any(process.generalised_covariance(np.arange(3), design.rate)):
+            continue  # a drift, which has no random error
         shape = (type(process), tuple(process.nonlinear.tolist()))
+        samples = min(design.samples, 2 + (process.memory(design.rate) or design.samples))
         total += process.scale * np.array([
-            _summed_density(*shape, at, samples=design.samples, rate=design.rate) for at in cycles
+            _summed_density(*shape, at, samples=samples, rate=design.rate) for at in cycles
         ])  # fmt: skip
     return total
 

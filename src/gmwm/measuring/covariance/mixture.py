@@ -52,7 +52,7 @@ def mixture(
         known = tuple(k for k in known if _is_random(processes[k]))
     curve, weights = _likeliest(variance, freedom, shapes[list(known)])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
-    parts = [p.with_values(**{p.scale_parameter().name: p.value_from(weight)}) for p, weight in chosen]
+    parts = [p.with_scale(weight) for p, weight in chosen]
     return curve, Model(tuple(parts))
 
 

@@ -96,7 +96,7 @@ class TailSums:
         known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= LIMITS.agreement
         resolved = known.size if np.all(known) else int(np.argmin(known))
         shapes = _shapes(wv)
-        best, found = 1.0, None
+        best, common = 1.0, None
         for block, blocks, covariance in self._covariances():
             reach = int(np.log2(min(block, length) // LIMITS.least_block_in_scales))
             reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= LIMITS.least_blocks))), len(wv))
@@ -108,14 +108,14 @@ class TailSums:
             chance = self._chance if block == self._block else LIMITS.chance  # longer blocks are few
             edge = 1 + chance * np.sqrt(2 / n) + LIMITS.change_by_ends
             if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > LIMITS.material:
-                best, found = ratio, factor
+                best, common = ratio, factor
         index, unseen = self._tail()
-        if found is None and index < 4:  # a few samples hide the spectrum
-            found = np.sqrt(wv.samples * self._powers[1]) / self._powers[0] * shapes[0]
-        if found is None:
+        if common is None and index < 4:  # a few samples hide the spectrum
+            common = np.sqrt(wv.samples * self._powers[1]) / self._powers[0] * shapes[0]
+        if common is None:
             return None
-        more = max(unseen**2 * wv.samples / np.max(found) ** 2, 1.0)
-        return np.asarray(more * np.outer(found, found) / wv.samples)
+        more = max(unseen**2 * wv.samples / np.max(common) ** 2, 1.0)
+        return np.asarray(more * np.outer(common, common) / wv.samples)
 
     def _tail(self) -> tuple[float, float]:
         """Return the upper limit of the tails' index by Hill's estimate, infinite if no power law describes them, and
@@ -143,7 +143,9 @@ class TailSums:
         # Shorter panels do not resolve the spectral density.
         if levels < 1 or count < 1 or panel.size < 2 * LIMITS.block:
             return
-        y = _block_means(panel, self._block, levels, count)
+        # All coefficients are used: those of rounding errors are uncorrelated even if they are one sample apart.
+        y = np.empty((count, levels))
+        _core.haar_block_squares(_core.running_sum(panel), self._block, y)
         for size in range(self._sum.shape[0]):
             self._number[size, :levels] += y.shape[0]
             self._sum[size, :levels] += y.sum(axis=0)
@@ -213,14 +215,6 @@ def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[
     return np.asarray(size * shapes[best]), float(ratios[best])
 
 
-def _block_means(panel: Vector, block: int, levels: int, count: int) -> Matrix:
-    """Compute the mean squares (count, levels) of the coefficients that begin in each block of a panel."""
-    # All coefficients are used, because those of rounding errors are uncorrelated even if they are one sample apart.
-    y = np.empty((count, levels))
-    _core.haar_block_squares(_core.running_sum(panel), block, y)
-    return y
-
-
 def _power(panel: Vector, length: int) -> tuple[float, Vector]:
     """Return the number of half-overlapping Hann segments of a panel, and the sum of their periodograms."""
     from scipy.fft import rfft
@@ -264,11 +258,11 @@ def with_common_tails(curves: Mapping[str, WaveletVariance]) -> dict[str, Wavele
         return dict(curves)
     longest = max(known, key=lambda wv: wv.samples)
     assert longest.excess is not None
-    found = {}
+    completed = {}
     for name, wv in curves.items():
         if wv.excess is None and not wv.robust:
             reach, own = min(len(wv), len(longest)), np.zeros((len(wv), len(wv)))
             own[:reach, :reach] = longest.excess[:reach, :reach] * (longest.samples / wv.samples)
             wv = replace(wv, excess=own)
-        found[name] = wv
-    return found
+        completed[name] = wv
+    return completed

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from threading import Lock
 from typing import Any, Literal
 
 import numpy as np
@@ -91,15 +91,24 @@ def inspect(
 
 
 def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
-    """Return the inspections of parts of a recording, with gravity in the first if several have accelerometers."""
+    """Return the inspections of parts of a recording, with gravity in the first if several have accelerometers, and
+    with the axes in remarks on gaps."""
     axes = {axis: item for part in inspections for axis, item in part.axes.items()}
-    if len(inspections) < 2 or any(part.gravity is not None for part in inspections):
+    if len(inspections) < 2:
+        return inspections
+    inspections = [replace(part, remarks=tuple(_about_axes(part))) for part in inspections]
+    if any(part.gravity is not None for part in inspections):
         return inspections
     gravity, _ = _specific_force(axes)
     positions = any(remark.facts.get("case") == "positions" for part in inspections for remark in part.remarks)
-    remarks = findings.of_gravity(None if positions else gravity, _turning(axes, gravity))
+    remarks = findings.of_gravity(None if positions else gravity, axes, _turning(axes, gravity))
     first, *others = inspections
     return [replace(first, gravity=gravity, remarks=(*first.remarks, *remarks)), *others]
+
+
+def _about_axes(part: Inspection) -> Iterator[Remark]:
+    for remark in part.remarks:
+        yield from map(remark.about, part.axes) if remark.code == "gaps" else (remark,)
 
 
 def inspect_with(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
@@ -238,12 +247,13 @@ class RecordingStatistics:
         }
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
+            *findings.of_copies(axes),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
             *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(None if parts else gravity, _turning(axes, gravity)),
+            *findings.of_gravity(None if parts else gravity, axes, _turning(axes, gravity)),
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
@@ -263,16 +273,24 @@ class RecordingStatistics:
 
     def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
         """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
-        steps = list[Step]()
-        for axis, sums in self._axes.items():
-            if axis not in means or axis in axes_with_two_levels(self._remarks):
-                continue
-            values = partial(self._values, axis)
-            clear = jumps_of(axis, means[axis], self._extent, values)
+        turn = Lock()  # a stream is read by one thread at a time
+
+        def work(axis: str, of_axis: list[tuple[int, Vector]]) -> list[Step]:
+            def values(first: int, last: int) -> Vector:
+                with turn:
+                    return self._values(axis, first, last)
+
+            sums = self._axes[axis]
+            clear = jumps_of(axis, of_axis, self._extent, values)
             resolution = self._resolutions[axis] or 0.0
             sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
-            steps += clear
-            steps += [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+            return clear + [
+                step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)
+            ]
+
+        two_levels = axes_with_two_levels(self._remarks)
+        by_axis = in_threads(work, {axis: of_axis for axis, of_axis in means.items() if axis not in two_levels})
+        steps = [step for of_axis in by_axis.values() for step in of_axis]
         steps = with_shared_settling(steps, self._length / self._extent.rate)
         return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
 

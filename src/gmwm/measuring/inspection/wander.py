@@ -148,10 +148,11 @@ def _markov(transform: Matrix, time: float) -> Vector:
 
 
 def _gram(weights: Matrix, courses: Matrix) -> NDArray[np.float64]:
-    """Return Σ a b/λ (G, p, p) of all pairs of transformed courses."""
+    """Return Σ a b/λ (G, p, p) of all pairs of transformed courses, regular for equal ones, as in the last block."""
     rows, columns = np.triu_indices(len(courses))
     gram = np.empty((len(weights), len(courses), len(courses)))
     gram[:, rows, columns] = gram[:, columns, rows] = weights @ (courses[rows] * courses[columns]).T
+    gram[:, rows[rows == columns], rows[rows == columns]] *= 1 + 1e-10
     return gram
 
 
@@ -203,12 +204,13 @@ class Likelihood:
         a, b, c = pairs.squares
         return self._profile(self._flat[:, None] - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
 
-    def with_all(self, courses: Matrix) -> float:
-        """Return the smallest −2 log L with all transformed courses (p, n − 1) together."""
-        weights = self.grid.weights
+    def with_all(self, courses: Matrix, *, alone: bool = False) -> float:
+        """Return the smallest −2 log L with all transformed courses (p, n − 1) together; `alone` as in `walk`."""
+        used = slice(_WALKS.size if alone else None)
+        weights = self.grid.weights[used]
         cross = weights @ (courses * self.z).T
         taken = np.sum(cross * np.linalg.solve(_gram(weights, courses), cross[:, :, None])[:, :, 0], axis=1)
-        return float(np.min(self._profile((self._flat - taken)[:, None]).values))
+        return float(np.min(self._minus2(self._flat[used] - taken, self.grid.logs[used])))
 
     def with_first(self, courses: Matrix) -> Vector:
         """Return the smallest −2 log L with the first of p transformed courses, with the first two, … together (p,)."""
@@ -222,9 +224,11 @@ class Likelihood:
         shapes = slice(1, None) if settles else slice(1)
         places, times, courses, squares = _changes(self.z.size + 1, first)
         taken = (courses[shapes] @ (self.grid.weights[: _WALKS.size] * self.z).T) ** 2 / squares[shapes]
-        values = self._minus2(self._flat[: _WALKS.size] - taken, self.grid.logs[: _WALKS.size])
-        best = np.argmin(np.min(values, axis=2), axis=1)
-        values = self.with_one(courses[shapes][np.arange(best.size), best]).values
+        # For each shape and model, the place that explains most is the best one.
+        values = self._minus2(self._flat[: _WALKS.size] - np.max(taken, axis=1), self.grid.logs[: _WALKS.size])
+        rows = np.arange(len(values))
+        best = np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)
+        values = self.with_one(courses[shapes][rows, best]).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         gain = float(np.min(self.without().values) - values[model, shape])
         return gain, float(places[best[shape]]), float(times[shapes][shape]), self.grid.weights[model]

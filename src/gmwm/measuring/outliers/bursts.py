@@ -255,7 +255,7 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     chosen = (counts >= np.where(huge, FEW, FEWEST)) & (counts > by_chance) & (positive > 0) & (positive < counts)
     if small:
         for k in np.flatnonzero(chosen).tolist():
-            chosen[k] = _is_alone(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1)
+            chosen[k] = _beside(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1) < _ALONE
     energy = np.add.reduceat(w**2, begins)
     return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
 
@@ -266,8 +266,8 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
 
     ratio = np.abs(level.w) / level.limit(level.at)
     at, w = level.at, level.w
-    # Pulses of up to about 100 samples; longer ones are popcorn noise.
-    if at.size < 2 * fewest or not 3 <= level.number <= 6:
+    # Pulses of up to about 100 samples; longer ones are popcorn noise, if there are no knocks.
+    if at.size < 2 * fewest or not 3 <= level.number <= (6 if fewest > 1 else 8):
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     ends = np.append(begins[1:], at.size) - 1
@@ -278,14 +278,18 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
     returns = (positive > 0) & (positive <= ends - begins)
     if fewest == 1:  # a pulse at an end of the panel has one edge
         returns |= (at[begins] < 2) | (at[ends] > level.size - 3)
-    chosen = returns & (largest_ratio > (5.5 if fewest > 1 else 5.0))
+    limit = 5.5 if fewest > 1 else 4.5
+    chosen = returns & (largest_ratio > limit)
     for k in np.flatnonzero(chosen).tolist():
         first, last = int(at[begins[k]]), int(at[ends[k]])
         begin, end = first << level.number - 1, (last + 2) << level.number - 1
         part = values[begin:end] - np.median(values[max(2 * begin - end, 0) : 2 * end - begin])
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
-        chosen[k] = np.count_nonzero(part / largest > 0.5) > 3 and _is_alone(level, first, last + 1)
+        # Beside a pulse, noise that is larger by chance does not hide it.
+        most = max(_ALONE, largest_ratio[k] / limit)
+        wide = np.count_nonzero(part / largest > 0.5) > 2 and np.sum(part) / largest > 2.5
+        chosen[k] = wide and _beside(level, first, last + 1) < most
     # t noise with three degrees of freedom has (5.5/3.5)³ times as many beyond 3.5, and popcorn noise lasting changes.
     count, gaussian = np.count_nonzero(chosen), 4.7e-4 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)
@@ -305,10 +309,11 @@ def _largest_by_chance(groups: int, size: int) -> float:
     return 2 * math.floor(1 + math.log(_CHANCE / groups) / math.log(share)) if share < 0.9 else math.inf
 
 
-def _is_alone(level: BurstCoefficients, first: int, last: int) -> bool:
-    """Return whether the noise next to a burst is usual. If the variance of the noise varies, it is larger there."""
+def _beside(level: BurstCoefficients, first: int, last: int) -> float:
+    """Return the spread of the noise next to a burst (standard deviations); if the variance of the noise varies, it is
+    larger there."""
     margin = max(last - first, APART)
     length = max(margin, _BESIDE)
     surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
     relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
-    return all(float(np.median(part)) < _ALONE * NORMAL_QUARTILE for part in relative if part.size >= APART)
+    return max((float(np.median(part)) for part in relative if part.size >= APART), default=0.0) / NORMAL_QUARTILE

@@ -88,7 +88,7 @@ MARGIN, LEAST = 1.0, 8
 """Margin that is replaced before and after a knock, where the knock is too weak to be detected: as a multiple of the
 length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as the next two constants)."""
 LONGEST = 30.0  # longest time (s) that is replaced, including the margins of the knock
-MOST = 0.1  # largest share of the samples that is replaced. A longer change is a state of the sensor, not a disturbance
+MOST = 0.15  # largest share of the samples that is replaced, as `bursts.RARE`
 _BESIDE = 32  # smallest number of samples on each side of a knock from which its samples are replaced during the search
 
 
@@ -104,7 +104,7 @@ class Cleaned:
 
 def cleaned(x: Signal) -> Cleaned:
     """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds. Knocks over 30 s, or
-    together over 10 % of the samples, are kept: they are a state of the sensor."""
+    together over 15 % of the samples, are kept: they are a state of the sensor."""
     spikes = find_spikes(x)
     # Replaced samples are not at multiples of the step.
     signal, step = repaired(x, spikes), lsb(x.values) or 0.0
@@ -149,21 +149,24 @@ def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
         pulses = _ranges_of(("pulses", "large", "small"), values, rate, step)
         if pulses.size and np.max(pulses[:, 1] - pulses[:, 0]) < 150:
             return pulses
+        return _ranges_of(("large", "small", "pulses"), values, rate, step, margin=MARGIN / 4)
     return ranges
 
 
-def _ranges_of(kinds: tuple[str, ...], values: Vector, rate: float, step: float) -> Ranges:
-    """Return the index ranges of disturbances, searched in this order."""
+def _ranges_of(
+    kinds: tuple[str, ...], values: Vector, rate: float, step: float, margin: float = MARGIN
+) -> Ranges:  # fmt: skip
+    """Return the index ranges of disturbances, searched in this order, with margins as a multiple of their length."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for kind in kinds:
         # Each search follows the replacement of the knocks found so far, because weak ends are found last.
-        for repetition in range(6):
+        for _ in range(6):
             if kind == "pulses":
-                # Four pulses are not a chance; then, fewer ones are left. Their ends are sharp.
-                pulses = pulse_ranges(levels, _mirror(values, ranges), 1 if repetition else 4)
+                # Four pulses or knocks are not a chance; then, fewer ones are left. Their ends are sharp.
+                pulses = pulse_ranges(levels, _mirror(values, ranges), 1 if len(ranges) >= 4 else 4)
                 wider = _widen(pulses, values.size, 0.0)
             else:
-                wider = _widen(burst_ranges(levels, small=kind == "small"), values.size)
+                wider = _widen(burst_ranges(levels, small=kind == "small"), values.size, margin)
             wider = _union(np.concatenate([ranges, wider]))
             if np.array_equal(wider, ranges):
                 break

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector
+from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector, as_whole_number, require_rate
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -357,8 +357,7 @@ def contamination(
     from scipy.special import gammaincc, gammainccinv
 
     size = as_size(size)
-    if isinstance(comparisons, bool) or not isinstance(comparisons, int | np.integer) or comparisons < 1:
-        raise OptionError(argument="comparisons", expected="an integer of at least 1", got=comparisons)
+    as_whole_number(comparisons, "comparisons", 1, expected="an integer of at least 1")
     if not 0 <= tolerance < np.inf:
         raise OptionError(argument="tolerance", expected="zero or a positive number", got=tolerance)
     classical, robust = _both(x, rate, efficiency)
@@ -419,8 +418,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
             f"the two wavelet variances are of different recordings: their {what} differ", argument="x", got=what,
             advice="Compute both wavelet variances from the same recording.",
         )  # fmt: skip
-    if rate is not None and rate != robust.rate:
-        raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
+    require_rate(rate, robust.rate, "pair")
     return classical, robust
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, cast, overload
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, as_rate, as_vector
+from gmwm.base.arrays import Vector, as_rate, as_vector, require_rate
 from gmwm.base.errors import DataError, OptionError
-from gmwm.base.threads import OneAtATime, in_threads, one_at_a_time
-from gmwm.measuring.axis_results import rate_of_array, signals_of
+from gmwm.base.threads import OneAtATime, one_at_a_time
+from gmwm.measuring.axis_results import by_axis, rate_of_array
 from gmwm.measuring.spectrum.peaks import find_peaks
 from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
+from gmwm.recording.batches import require_following
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.repairs.moving_average import moving_average
 from gmwm.recording.signals import Imu, Signal
@@ -142,20 +143,7 @@ class SpectrumAccumulator(OneAtATime):
 
         Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
-        if not isinstance(following, SpectrumAccumulator):
-            raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
-        for name in ("rate", "length", "detrend", "unit"):
-            value, other = getattr(self, name), getattr(following, name)
-            if value != other:
-                raise OptionError(
-                    f"both parts must have the same {name}; got {value!r} and {other!r}", argument=name, got=other
-                )
-        if following.start != self.stop:
-            raise OptionError(
-                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
-                f"sample {following.start}",
-                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
-            )  # fmt: skip
+        require_following(self, following, "rate", "length", "detrend", "unit")
         self._fold()
         following._fold()
         return self._join(following)
@@ -285,20 +273,11 @@ def checked_length(length: int | None) -> int | None:
     return int(length)
 
 
-@overload
-def psd(
-    x: Signal | ArrayLike, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
-    confidence: float = 0.95, fill_gaps: bool = True,
-) -> PowerSpectrum: ...  # fmt: skip
-@overload
-def psd(
-    x: Imu, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
-    confidence: float = 0.95, fill_gaps: bool = True,
-) -> PowerSpectra: ...  # fmt: skip
+@by_axis(lambda spectra: PowerSpectra(spectra=spectra), threaded=True)
 def psd(
     x: Imu | Signal | ArrayLike, rate: float | None = None, *, length: int | None = None, detrend: Detrend = "constant",
     confidence: float = 0.95, fill_gaps: bool = True,
-) -> PowerSpectrum | PowerSpectra:  # fmt: skip
+) -> PowerSpectrum:  # fmt: skip
     """Estimate the power spectral density of a signal, or of each axis of a recording, and find lines and bumps in it.
 
     The method is Welch's. The recording is divided into K blocks of L samples that overlap by one half. The mean is
@@ -364,16 +343,9 @@ def psd(
     True
     """
     as_confidence(confidence)
-    if (signals := signals_of(x)) is not None:
-        options: Any = {"length": length, "detrend": detrend, "confidence": confidence, "fill_gaps": fill_gaps}
-        return PowerSpectra(spectra=in_threads(lambda _, signal: psd(signal, rate, **options), signals))
     segments: list[Vector]
     if isinstance(x, Signal):
-        if rate is not None and as_rate(rate) != x.rate:
-            raise OptionError(
-                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz", argument="rate", got=rate,
-                advice="Leave {--rate} out.",
-            )  # fmt: skip
+        require_rate(rate, x.rate)
         signal = x.fill_gaps() if fill_gaps else x
         segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Vector, as_whole_number, freeze
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError
 from gmwm.base.results import Plotted, Tabular
@@ -19,7 +19,7 @@ from gmwm.base.text import Summarised, counted
 from gmwm.measuring.axis_results import AxisResults, chi_square_limits
 from gmwm.measuring.spectrum.line import Bump, Line, pooled_freedom
 from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
-from gmwm.recording.options import as_confidence, as_whole_number
+from gmwm.recording.options import as_confidence
 from gmwm.recording.repairs.moving_average import MovingAverage
 
 if TYPE_CHECKING:

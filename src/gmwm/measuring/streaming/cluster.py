@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -23,14 +22,13 @@ from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
+from gmwm.measuring.streaming.passes import AxisCurves, Change, Feeding, measure
 from gmwm.measuring.streaming.scheduling import connect
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
-from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
+from gmwm.measuring.variance.open_segments import exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
 from gmwm.recording.batches import Batch, gather
 from gmwm.recording.gaps import is_short
-from gmwm.recording.signals import Signal
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -62,7 +60,7 @@ def measure_in_parts(
             client, stream, {axis: axis_curves.change for axis, axis_curves in curves.items()}, parts=parts, done=done,
             prepare=prepare,
         )  # fmt: skip
-        first = crew.measure({axis: partial(_beginning, axis_curves.first) for axis, axis_curves in curves.items()})
+        first = crew.measure({axis: axis_curves.first.part for axis, axis_curves in curves.items()})
         for axis, axis_curves in curves.items():
             axis_curves.first = first[axis]
         # A part that is the whole recording may need no second pass.
@@ -106,32 +104,9 @@ class _Begin(Generic[G]):
     prepare: Callable[[Batch], Batch] | None
 
 
-def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
-    """Return an empty accumulator with the options of another one, for a part that begins with sample `start`."""
-    return WaveletAccumulator(
-        one.rate, levels=one.levels, exact=one.exact, start=start, unit=one.unit, axis=one.axis, robust=one.robust
-    )
-
-
 def _unpack(packed: bytes) -> Any:
     """Restore an object that `_hold` compressed."""
     return pickle.loads(zlib.decompress(packed))
-
-
-@dataclass(frozen=True, eq=False)
-class _PartMeasurement:
-    """The measurement of one axis of a part, in one of the two passes."""
-
-    one: SegmentedAccumulator
-    change: Change | None
-
-    def clean(self, signal: Signal) -> Signal:
-        """Apply the change to the samples of a batch."""
-        return signal if self.change is None else self.change(signal)
-
-    def update(self, signal: Signal, continues: bool) -> None:
-        """Add samples."""
-        self.one.feed(signal, continues)
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
@@ -139,7 +114,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     reader = PartReader(part)
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
-        measured = {axis: _PartMeasurement(accumulator, begin.changes[axis]) for axis, accumulator in axes.items()}
+        measured = {axis: Feeding(accumulator.feed, begin.changes[axis]) for axis, accumulator in axes.items()}
         batches = gather(reader.samples(), tuple(axes), part.found.rate)
         measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
+from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import GmwmError, GmwmWarning, OptionError
 from gmwm.base.extras import library
 from gmwm.base.remarks import Remark
@@ -30,8 +31,8 @@ def connect(scheduler: str | Client | None = None, workers: int | None = None) -
     Own processes end with the block. They import the script that runs: its work belongs under `__name__ ==
     "__main__"`."""
     distributed = library("distributed")
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
+    if workers is not None:
+        as_whole_number(workers, "workers", 1, expected="a whole number of processes, 1 or more")
     if scheduler is not None and workers is not None:
         raise OptionError(
             "a scheduler has its own workers, so their number cannot be given",

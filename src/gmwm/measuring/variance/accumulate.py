@@ -23,6 +23,7 @@ from gmwm.measuring.variance.robust import RobustVariances, robust_variances, un
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
+from gmwm.recording.batches import require_following
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.signals import Signal
 
@@ -93,7 +94,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
         Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
-        self._require_following(following, "rate", "exact", "levels", "unit", "robust")
+        require_following(self, following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
         joint.axis = self.axis or following.axis
         joint._append(following)
@@ -267,13 +268,16 @@ class WaveletAccumulator(SegmentedAccumulator):
     def __repr__(self) -> str:
         return f"WaveletAccumulator({self.axis or 'unnamed'}, {len(self)} samples at {self.rate:g} Hz)"
 
+    def part(self, start: int, held: int | None = None) -> WaveletAccumulator:
+        """Create an empty accumulator with the same options, but `held`, for the part from sample `start` on."""
+        return WaveletAccumulator(
+            self.rate, levels=self.levels, exact=self.exact, start=start, unit=self.unit, axis=self.axis,
+            robust=self.robust, held=held,
+        )  # fmt: skip
+
     def _copy(self) -> WaveletAccumulator:
         """Return a copy of the accumulator, which shares the data of closed segments, because they never change."""
-        self._fold()
-        copy = WaveletAccumulator(
-            self.rate, levels=self.levels, exact=self.exact, start=self.start, unit=self.unit, axis=self.axis,
-            robust=self.robust, held=self.held,
-        )  # fmt: skip
+        copy = self.part(self.start, self.held)
         copy._take_state(self)
         copy._thinned = self._thinned
         return copy

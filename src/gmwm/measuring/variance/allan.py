@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector
-from gmwm.measuring.axis_results import ResultsByAxis
-from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance, of_parts
+from gmwm.measuring.axis_results import ResultsByAxis, by_axis
+from gmwm.measuring.variance.clusters import ClusterVariance, cluster_variance, over_segments
 from gmwm.measuring.variance.noise_type import degrees_of_freedom, exponents, noise_types
 from gmwm.measuring.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.signals import Imu, Signal
 
 
-@overload
-def allan_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *,
-    kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
-    progress: Progress | None = None,
-) -> ClusterVariance: ...  # fmt: skip
-@overload
-def allan_variance(
-    x: Imu, rate: float | None = None, *,
-    kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
-    progress: Progress | None = None,
-) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+@by_axis(lambda results: ResultsByAxis(results=results))
 def allan_variance(
     x: Imu | Signal | ArrayLike, rate: float | None = None, *,
     kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
     clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
+) -> ClusterVariance:  # fmt: skip
     """Estimate the Allan variance of a signal, half the mean squared difference of adjacent cluster means.
 
     With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of
@@ -101,9 +88,9 @@ def allan_variance(
     one_of(kind, "kind", ("overlapping", "nonoverlapping", "modified"))
     options: dict[str, Any] = {"rate": rate, "kind": kind, "data": data, "confidence": confidence, "progress": progress}
     divisor = 3 if kind == "modified" else 2
-    parts = of_parts(x, lambda part, sizes: allan_variance(part, clusters=sizes, **options), clusters, divisor)
-    if parts is not None:
-        return parts
+    pooled = over_segments(x, lambda part, sizes: allan_variance(part, clusters=sizes, **options), clusters, divisor)
+    if pooled is not None:
+        return pooled
     # All octaves are computed in the pass that sums the phase. The results are identical.
     at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
     phase = phase_of(x, rate, data, octaves=at_octaves)
@@ -138,26 +125,13 @@ def difference_counts(points: int, clusters: Integers, order: int, overlapping: 
     return places if overlapping else (places - 1) // clusters + 1
 
 
-@overload
-def hadamard_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *,
-    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
-    progress: Progress | None = None,
-) -> ClusterVariance: ...  # fmt: skip
-@overload
-def hadamard_variance(
-    x: Imu, rate: float | None = None, *,
-    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
-    progress: Progress | None = None,
-) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+@by_axis(lambda results: ResultsByAxis(results=results))
 def hadamard_variance(
     x: Imu | Signal | ArrayLike, rate: float | None = None, *,
     kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
     clusters: Clusters | ArrayLike = "octave", data: Data = "rate", confidence: float = 0.95,
     progress: Progress | None = None,
-) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
+) -> ClusterVariance:  # fmt: skip
     """Estimate the Hadamard variance of a signal, a sixth of the mean squared second difference of cluster means.
 
     With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
@@ -197,9 +171,9 @@ def hadamard_variance(
     as_confidence(confidence)
     one_of(kind, "kind", ("overlapping", "nonoverlapping"))
     options: dict[str, Any] = {"rate": rate, "kind": kind, "data": data, "confidence": confidence, "progress": progress}
-    parts = of_parts(x, lambda part, sizes: hadamard_variance(part, clusters=sizes, **options), clusters, 3)
-    if parts is not None:
-        return parts
+    pooled = over_segments(x, lambda part, sizes: hadamard_variance(part, clusters=sizes, **options), clusters, 3)
+    if pooled is not None:
+        return pooled
     phase = phase_of(x, rate, data, straighten=True)
     p = phase.values
     overlapping = kind == "overlapping"
@@ -226,23 +200,12 @@ _FREQUENCY_NOISE = {
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 
 
-@overload
-def total_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *,
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
-    confidence: float = 0.95, progress: Progress | None = None,
-) -> ClusterVariance: ...  # fmt: skip
-@overload
-def total_variance(
-    x: Imu, rate: float | None = None, *,
-    clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
-    confidence: float = 0.95, progress: Progress | None = None,
-) -> ResultsByAxis[ClusterVariance]: ...  # fmt: skip
+@by_axis(lambda results: ResultsByAxis(results=results))
 def total_variance(
     x: Imu | Signal | ArrayLike, rate: float | None = None, *,
     clusters: Clusters | ArrayLike = "octave", data: Data = "rate",
     confidence: float = 0.95, progress: Progress | None = None,
-) -> ClusterVariance | ResultsByAxis[ClusterVariance]:  # fmt: skip
+) -> ClusterVariance:  # fmt: skip
     """Estimate the total variance, an Allan variance with more degrees of freedom at long averaging times.
 
     The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
@@ -284,9 +247,9 @@ def total_variance(
     """
     as_confidence(confidence)
     options: dict[str, Any] = {"rate": rate, "data": data, "confidence": confidence, "progress": progress}
-    parts = of_parts(x, lambda part, sizes: total_variance(part, clusters=sizes, **options), clusters, 2)
-    if parts is not None:
-        return parts
+    pooled = over_segments(x, lambda part, sizes: total_variance(part, clusters=sizes, **options), clusters, 2)
+    if pooled is not None:
+        return pooled
     phase = phase_of(x, rate, data)
     p = phase.values
     sizes = cluster_sizes(clusters, p.size - 2, phase.intervals // 2)
@@ -294,15 +257,12 @@ def total_variance(
     squares = mean_squares(lambda n: _core.reflected_second_differences(p, n), sizes, counts, progress)
     variance = squares / (2.0 * sizes * sizes)
     noise = noise_types(p, sizes, variance, reddest=-2)
-    freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
-    bias = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
+    alphas = exponents(noise)
+    freedom = total_degrees_of_freedom(alphas, sizes, p.size)
+    a = np.array([_PHASE_BIAS[alpha] if alpha > 0 else _FREQUENCY_NOISE[alpha][2] for alpha in alphas.tolist()])
+    bias = 1 - a * np.minimum(sizes / phase.intervals, 0.5)
     values = {"clusters": sizes, "variance": variance, "counts": counts, "degrees_of_freedom": freedom}
     return cluster_variance(phase, noise, confidence, bias=bias, family="total", kind="overlapping", **values)
-
-
-def _bias(alphas: Integers) -> Vector:
-    """Return the constant a of the expected ratio 1 − a τ/T of the total variance to the Allan variance."""
-    return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 
 def total_degrees_of_freedom(alphas: Integers, clusters: Integers, points: int) -> Vector:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, cast, overload
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
+from gmwm.base.arrays import Matrix, Vector, as_vector, require_finite, require_rate
 from gmwm.base.errors import DataError, OptionError
-from gmwm.measuring.axis_results import chi_square_limits, rate_of_array, signals_of
+from gmwm.measuring.axis_results import by_axis, chi_square_limits, rate_of_array
 from gmwm.measuring.variance.biweight import require_robust
 from gmwm.measuring.variance.coefficients import (
     CoefficientSource,
@@ -20,7 +20,7 @@ from gmwm.measuring.variance.coefficients import (
     PlainCoefficients,
     PooledCoefficients,
 )
-from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
+from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE
 from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances, unrejected
@@ -40,23 +40,12 @@ from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.filters import HAAR, WaveletFilter, find_filter
 
 
-@overload
-def wavelet_variance(
-    x: Signal | ArrayLike, rate: float | None = None, *, filter: str | WaveletFilter = "haar",
-    transform: Transform = "modwt", levels: int | None = None, robust: bool = False, efficiency: float = 0.6,
-    confidence: float = 0.95, fill_gaps: bool = True,
-) -> WaveletVariance: ...  # fmt: skip
-@overload
-def wavelet_variance(
-    x: Imu, rate: float | None = None, *, filter: str | WaveletFilter = "haar", transform: Transform = "modwt",
-    levels: int | None = None, robust: bool = False, efficiency: float = 0.6, confidence: float = 0.95,
-    fill_gaps: bool = True,
-) -> WaveletVariances: ...  # fmt: skip
+@by_axis(lambda curves: WaveletVariances(curves=curves))
 def wavelet_variance(
     x: Imu | Signal | ArrayLike, rate: float | None = None, *, filter: str | WaveletFilter = "haar",
     transform: Transform = "modwt", levels: int | None = None, robust: bool = False, efficiency: float = 0.6,
     confidence: float = 0.95, fill_gaps: bool = True,
-) -> WaveletVariance | WaveletVariances:  # fmt: skip
+) -> WaveletVariance:  # fmt: skip
     """Estimate the wavelet variance of a signal, or of each axis of a recording, with chi-square confidence limits.
 
     The classical estimate ν̂_j² is the mean square of the coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l} of level j, over
@@ -139,13 +128,6 @@ def wavelet_variance(
     >>> wavelet_variance(Imu.from_arrays({"gyro_x": x, "gyro_y": x}, rate=100.0))
     WaveletVariances(gyro_x, gyro_y: haar, 12 levels, 4096 samples at 100 Hz)
     """
-    if (signals := signals_of(x)) is not None:
-        options: Any = {
-            "filter": filter, "transform": transform, "levels": levels, "robust": robust, "efficiency": efficiency,
-            "confidence": confidence, "fill_gaps": fill_gaps,
-        }  # fmt: skip
-        curves = {axis: wavelet_variance(signal, rate, **options) for axis, signal in signals.items()}
-        return WaveletVariances(curves=curves)
     as_confidence(confidence)
     wavelet = find_filter(filter)
     one_of(transform, "transform", ("modwt", "dwt"))
@@ -155,8 +137,7 @@ def wavelet_variance(
         segments = [as_vector(cast(ArrayLike, x), "x", finite=False)]
         rate = rate_of_array(rate)
     else:
-        if rate is not None and as_rate(rate) != signal.rate:
-            raise contradicting_rate(rate, signal.rate, "signal")
+        require_rate(rate, signal.rate)
         signal = signal.fill_gaps() if fill_gaps else signal
         segments = signal.segment_values()
         rate = signal.rate

@@ -76,9 +76,12 @@ def _biweight(efficiency: float) -> Biweight:
     return Biweight(low, _moments(low)[0])
 
 
+_legendre = lru_cache(maxsize=1)(np.polynomial.legendre.leggauss)
+
+
 def _moments(c: float) -> tuple[float, float]:
     """Compute a and the efficiency e for a cut-off c by Gauss quadrature, because the integrands are smooth up to c."""
-    nodes, weights = _legendre()
+    nodes, weights = _legendre(96)
     r = c * (1 + nodes) / 2
     # Twice the density of N(0, 1), for both signs of r.
     density = c / 2 * weights * math.sqrt(2 / math.pi) * np.exp(-(r**2) / 2)
@@ -87,12 +90,6 @@ def _moments(c: float) -> tuple[float, float]:
     a = float(density @ rho)
     rising = float(density @ (2 * r**2 * (1 - v) ** 3 * (1 - 5 * v)))
     return a, rising**2 / (2 * (float(density @ rho**2) - a**2))
-
-
-@lru_cache(maxsize=1)
-def _legendre() -> tuple[Vector, Vector]:
-    nodes, weights = np.polynomial.legendre.leggauss(96)
-    return nodes, weights
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:

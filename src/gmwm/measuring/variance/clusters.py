@@ -13,7 +13,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised
-from gmwm.measuring.axis_results import ResultsByAxis, chi_square_limits, rate_words, signals_of
+from gmwm.measuring.axis_results import chi_square_limits, rate_words
 from gmwm.measuring.variance.noise_type import NoiseType, noise_type
 from gmwm.measuring.variance.phase import Data, Phase
 from gmwm.recording.chunks import MINIMUM_SAMPLES
@@ -155,13 +155,11 @@ def cluster_variance(
     )  # fmt: skip
 
 
-def of_parts(
+def over_segments(
     x: Any, measure: Callable[[Any, Any], ClusterVariance], clusters: Any, divisor: int
-) -> ClusterVariance | ResultsByAxis[ClusterVariance] | None:
-    """Return variances by axis or column, or pooled over segments; None for one signal without unfilled gaps. `measure`
-    takes a signal and cluster sizes, up to N/divisor of a segment with N samples."""
-    if (signals := signals_of(x)) is not None:
-        return ResultsByAxis(results={axis: measure(signal, clusters) for axis, signal in signals.items()})
+) -> ClusterVariance | None:
+    """Return variances pooled over segments; None for a signal without unfilled gaps. `measure` takes a signal and
+    cluster sizes, up to N/divisor of a segment with N samples."""
     if not isinstance(x, Signal) or len(x.segments) == 1:
         return None
     filled = x.fill_gaps()

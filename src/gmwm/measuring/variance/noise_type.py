@@ -206,7 +206,9 @@ def noise_types(
     for n, measured in zip(clusters.tolist(), variance.tolist(), strict=True):
         taken = phase[::n]
         means = taken.size - 1
-        taken = _middle(taken)
+        # The middle 1024 values are enough to estimate r₁ to about 0.03.
+        first = max(taken.size - 1024, 0) // 2
+        taken = np.ascontiguousarray(taken[first : first + 1024])
         # With fewer than 16 clusters, a drift cannot be distinguished from a random walk.
         if reddest == DRIFT.exponent and means >= 16 and _drift_variance(phase, n) > measured / 2:
             last = DRIFT
@@ -218,12 +220,6 @@ def noise_types(
             last = _by_modified_ratio(modified_ratio(phase, n), n)
         types.append(last)
     return tuple(types)
-
-
-def _middle(phase: Vector) -> Vector:
-    """Return the phase, or the middle 1024 values of a longer phase, which are enough to estimate r₁ to about 0.03."""
-    first = max(phase.size - 1024, 0) // 2
-    return np.ascontiguousarray(phase[first : first + 1024])
 
 
 def _drift_variance(phase: Vector, n: int) -> float:

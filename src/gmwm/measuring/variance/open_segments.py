@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Integers, Vector, as_vector
-from gmwm.base.errors import OptionError
-from gmwm.base.text import with_article
+from gmwm.base.arrays import Integers, Vector, as_vector, as_whole_number
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState, Statistics, StatisticsCollector
@@ -124,10 +122,10 @@ class SegmentedAccumulator(OneAtATime):
     def __init__(
         self, levels: int, exact: int, start: int, collector: StatisticsCollector | None, held: int | None = None
     ) -> None:
-        self.exact = whole(exact, "exact", LEAST_EXACT, MOST_EXACT)
-        self.levels = whole(levels, "levels", 1, MOST_LEVELS)
-        self.start = whole(start, "start", 0, 1 << 62)
-        self.held = (1 << self.exact) - 1 if held is None else whole(held, "held", 0, 1 << 62)
+        self.exact = as_whole_number(exact, "exact", LEAST_EXACT, MOST_EXACT)
+        self.levels = as_whole_number(levels, "levels", 1, MOST_LEVELS)
+        self.start = as_whole_number(start, "start", 0, 1 << 62)
+        self.held = (1 << self.exact) - 1 if held is None else as_whole_number(held, "held", 0, 1 << 62)
         # `_first` is closed by a gap, `_last` is open, and the others are sums over the segments between them.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
@@ -198,25 +196,6 @@ class SegmentedAccumulator(OneAtATime):
             self._held.gap()
         else:
             self._end_segment()
-
-    def _require_following(self, following: object, *alike: str) -> None:
-        """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""
-        if not isinstance(following, type(self)):
-            raise OptionError(argument="following", expected=with_article(type(self).__name__), got=following)
-        for name in alike:
-            if getattr(self, name) != getattr(following, name):
-                raise OptionError(
-                    f"both parts must have the same {name}; got {getattr(self, name)!r} and "
-                    f"{getattr(following, name)!r}",
-                    argument=name,
-                    got=getattr(following, name),
-                )
-        if following.start != self.stop:
-            raise OptionError(
-                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
-                f"sample {following.start}",
-                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
-            )  # fmt: skip
 
     def _take_state(self, other: Self) -> None:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""
@@ -346,13 +325,6 @@ def held_samples(axes: int) -> int:
     8388608
     """
     return 1 << ((MEMORY_BYTES // (8 * axes)).bit_length() - 1)
-
-
-def whole(value: int, name: str, least: int, most: int) -> int:
-    """Check that `value` is an integer from `least` to `most`, and return it as an int."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)
-    return int(value)
 
 
 LEAST_PANEL_SAMPLES = 1 << 17  # smallest number of samples of a panel

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector, require_finite
+from gmwm.base.arrays import Vector, as_vector, require_finite, require_rate
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import find_unit
 from gmwm.measuring.axis_results import rate_of_array
@@ -53,8 +53,7 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
     line from the rate too, against rounding in third differences."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
-        if rate is not None and rate != x.rate:
-            raise contradicting_rate(rate, x.rate, "signal")
+        require_rate(rate, x.rate)
         values, rate, unit, axis = x.fill_gaps().whole(), x.rate, x.unit, x.axis
     else:
         values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), rate_of_array(rate), "", ""
@@ -66,7 +65,8 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
     with np.errstate(over="ignore", invalid="ignore"):
         if data == "phase":
             unit = _rate_unit(unit)
-            phase = _without_line((values - values[0]) * rate)
+            phase = (values - values[0]) * rate
+            phase = phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1))  # a line through both ends
         elif octaves:
             phase, sums = _core.octave_second_differences(values, values.size.bit_length() - 1)
         else:
@@ -77,25 +77,12 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
     return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
 
 
-def contradicting_rate(rate: float, expected: float, owner: str) -> OptionError:
-    """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
-    return OptionError(
-        f"the rate of {rate:g} Hz contradicts the {owner}, which has {expected:g} Hz", argument="rate", got=rate,
-        advice="Leave {--rate} out.",
-    )  # fmt: skip
-
-
 def _rate_unit(unit: str) -> str:
     """Return the unit of the rate that corresponds to a unit of the phase."""
     if not unit:
         return ""
     rate_unit = find_unit(f"{unit}/s")
     return rate_unit.name if rate_unit else f"{unit}/s"
-
-
-def _without_line(phase: Vector) -> Vector:
-    """Subtract from the phase the straight line through its first and last values; the first value is 0."""
-    return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
 
 
 def _without_slope(values: Vector) -> Vector:

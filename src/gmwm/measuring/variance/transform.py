@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Integers, Vector, as_vector
-from gmwm.base.errors import OptionError
+from gmwm.base.arrays import FrozenArrays, Integers, Vector, as_vector, as_whole_number
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
 from gmwm.theory.filters import WaveletFilter, find_filter
@@ -236,13 +235,8 @@ def _check(
 
 def as_level_count(levels: int | None, deepest: int, samples: int) -> int:
     """Check a number of levels, from 1 to the deepest level; None means the deepest level."""
-    if levels is None:
-        return deepest
-    if isinstance(levels, bool) or not isinstance(levels, int | np.integer) or not 1 <= levels <= deepest:
-        raise OptionError(
-            argument="levels", expected=f"an integer from 1 to {deepest} for {samples} samples", got=levels
-        )
-    return int(levels)
+    expected = f"an integer from 1 to {deepest} for {samples} samples"
+    return deepest if levels is None else as_whole_number(levels, "levels", 1, deepest, expected=expected)
 
 
 def _extend(values: Vector, boundary: Boundary) -> Vector:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.units import sensor_of
+from gmwm.base.threads import in_threads
+from gmwm.base.units import by_sensor
 from gmwm.recording.batches import Batch
 from gmwm.recording.repairs.patterns import TwoLevels, modulus_of, slower_rate, two_levels_of, unwrapped
 from gmwm.recording.repairs.repeats import (
@@ -84,9 +85,11 @@ class RepairPlan:
         """Return masks of the samples, numbered from `first`, that repeat, are frozen, or are interpolated."""
         masks = dict[str, Mask]()
         if self.repeats is not None and self.repeats.chance is not None:
-            outputs = [values[axis] for axis in self.axes]
+            chance, count = self.repeats.chance, len(self.repeats.chance.roughness)
+            # Sensors, or single axes, that hold values alike have one plan.
+            groups = [[values[axis] for axis in self.axes[k : k + count]] for k in range(0, len(self.axes), count)]
             name = "frozen" if self.repeats.kind == "frozen" else "repeated"
-            masks[name] = beyond_chance(outputs, repeats(outputs, begins), self.repeats.chance, first)
+            masks[name] = np.any([beyond_chance(x, repeats(x, begins), chance, first) for x in groups], axis=0)
         elif self.repeats is not None:
             same = repeats([values[axis] for axis in self.axes], begins)
             exact = self.repeats.exact and self.repeats.by_chance
@@ -126,23 +129,23 @@ def plans_of(batch: Batch, duplicates: float) -> list[RepairPlan]:
     """Return plans for axes of one clock, so that faults leave the others; `duplicates`: share of equal stamps."""
     signals = batch.signals
     begins = np.array([first for first, _ in next(iter(signals.values())).segments])
-    same = {axis: repeats([signal.values], begins) for axis, signal in signals.items()}
-    sensors: dict[str, list[str]] = {}
-    for axis in signals:
-        sensors.setdefault(sensor_of(axis), []).append(axis)
+    same = in_threads(lambda _, signal: repeats([signal.values], begins), signals)
     groups: dict[Repeats | None, list[str]] = {}
     lost = dict[str, Mask]()  # samples of a sensor, or of one axis, that repeat the last one
-    for axes in sensors.values():
-        patterns = _patterns({axis: (signals[axis].values, same[axis]) for axis in axes}, duplicates)
+    of_sensors = in_threads(
+        lambda _, axes: _patterns(axes, duplicates),
+        by_sensor({axis: (signal.values, same[axis]) for axis, signal in signals.items()}),
+    )
+    for patterns in of_sensors.values():
         for axis, (pattern, repeated) in patterns.items():
             groups.setdefault(pattern, []).append(axis)
             if pattern is not None and pattern.kind in ("lost", "frozen"):
                 lost[axis] = repeated
-    plans = [
-        _plan(axis, pattern, signals[axis].values, same[axis], begins=begins)
-        for pattern, axes in groups.items() for axis in axes
-    ]  # fmt: skip
-    return _joined({plan.axes[0]: plan for plan in plans}, lost, batch, begins)
+    plans = in_threads(
+        lambda axis, pattern: _plan(axis, pattern, signals[axis].values, same[axis], begins=begins),
+        {axis: pattern for pattern, axes in groups.items() for axis in axes},
+    )
+    return _joined(plans, lost, batch, begins)
 
 
 def _patterns(axes: Mapping[str, tuple[Vector, Mask]], duplicates: float) -> dict[str, tuple[Repeats | None, Mask]]:

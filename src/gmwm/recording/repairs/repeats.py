@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, runs_of
+from gmwm.base.arrays import Vector, row_medians, runs_of
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -39,11 +39,10 @@ def offsets(same: Mask) -> Indices:
 
 def in_long_runs(same: Mask, least: int) -> Mask:
     """Return the samples that continue a run of at least `least`, without its first one."""
-    inside = np.zeros(same.size, dtype=np.bool_)
     runs = runs_of(same)
-    for first, last in runs[runs[:, 1] - runs[:, 0] + 1 >= least]:
-        inside[first:last] = True
-    return inside
+    ends = np.zeros(same.size + 1, dtype=np.int8)
+    ends[runs[runs[:, 1] - runs[:, 0] + 1 >= least]] = 1, -1
+    return np.cumsum(ends[:-1], dtype=np.int8).view(np.bool_)
 
 
 def straight(values: Vector, begins: Indices) -> Mask:
@@ -152,7 +151,7 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
 def is_slow(levels: Vector) -> bool:
     """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
     sizes = np.abs(np.diff(levels))
-    return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
+    return bool(row_medians(sizes[None])[0] <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
 def _common_multiple(lengths: Indices) -> int:
@@ -244,7 +243,7 @@ def _by_chance(axes: Sequence[Vector], starts: Indices, roughness: tuple[float, 
     """Return the probability that the sample after each of `starts` is equal on all axes by chance: how often the value
     returns after another one nearby, and for rare values its frequency."""
     chance = np.ones(starts.size)
-    for values, rough in zip(axes, roughness, strict=True):
+    for values, rough in zip(axes, roughness, strict=False):  # a plan can be for some of the axes
         _, value = np.unique(values, return_inverse=True)
         ends = np.flatnonzero(values[1:] != values[:-1])
         returns = ends[:-1][values[np.minimum(ends[:-1] + 2, values.size - 1)] == values[ends[:-1]]]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.template import fact_text
-from gmwm.base.text import list_text
+from gmwm.base.text import list_text, round_text
 from gmwm.base.units import SI_UNIT, noise_unit
 from gmwm.calibration.findings import unusable
 from gmwm.calibration.number_verdicts import MAIN, Usability
@@ -129,7 +129,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
     """Yield a remark for each sinusoid and each slow oscillation of an axis, because the file does not include them."""
     wv = fit.wavelet_variance
     unit = wv.unit or "u"
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         if process.line(wv.rate) is None and process.oscillation() is not None:
             yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
     for amplitude, frequency, term in lines_of(fit):
@@ -142,7 +142,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
     """Yield a remark for each rate ramp, because the matrices treat its slope as known without error."""
     for axis, fit in calibration.items():
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for term, process in fit.model.by_term.items():
             if is_ramp(process, fit.wavelet_variance.rate):
                 yield Remark.of("ramp-in-matrices", axis, term=term)
 
@@ -212,12 +212,11 @@ def _quality(fit: Fit, white: float, walk: float, time: float) -> Quality:
 
 
 def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
-    """Return a sentence for each sensor on how a filter with N and K of the file predicts its axes, before inflation:
-    the largest loss against the full model, and the smallest and largest ratio of the stated to the real error."""
-    lines, holds, times, large = [], [], "/".join(f"{time:g}" for time in TIMES), False
-    before = " before inflation" if inflation != 1 else ""
+    """Return sentences on how a filter with N and K of the file predicts its axes, before inflation: for each sensor
+    the largest loss against the full model, the smallest and largest ratio of the stated to the real error, and the
+    times at which the smallest ratio is right."""
+    lines, large = [], False
     for sensor in sensors:
-        name = NAMES[sensor.quantity].capitalize()
         groups: dict[tuple[float, float], list[AxisNoise]] = {}  # axes with the same N and K in the file
         for axis, white, walk in zip(sensor.axes, sensor.N, sensor.K, strict=False):
             if white.value > 0:
@@ -226,29 +225,26 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
             continue
         by_time = list(zip(*(qualities(axis, *pair) for pair, axes in groups.items() for axis in axes), strict=True))
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
-        text = f"{name}, {times} s: "
-        if not any(map(math.isnan, losses)):
-            text += f"error / full model's {', '.join(f'{loss:.2f}' for loss in losses)}; "
-        ratios = ", ".join(_range([each.claim for each in at]) for at in by_time)
-        lines.append(f"{text}stated / real{before} {ratios}.")
+        error = "" if any(map(math.isnan, losses)) else f"error {', '.join(f'{loss:.2f}' for loss in losses)}; "
+        stated = ", ".join(_range([each.claim for each in at]) for at in by_time)
         spans = {pair: true_times([axis.fit for axis in axes], *pair) for pair, axes in groups.items()}
         first = min(spans, key=lambda pair: spans[pair][1])
         since, until = max(begin for begin, _ in spans.values()), spans[first][1]
-        if since == math.inf:
-            lines.append(f"{name}: this ratio leaves {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g} at all times.")
-        elif since > TIMES[0]:
-            end = f" up to {until:g} s" if since < until < math.inf else ""
-            lines.append(f"{name}: N and K hold from {since:g} s{end}.")
-        elif until < TIMES[-1]:
+        end = f" up to {until:g} s" if since < until < math.inf else ""
+        right = " at no time" if since == math.inf else f" from {since:g} s{end}" if since > TIMES[0] else end
+        lines.append(f"{NAMES[sensor.quantity].capitalize()}: {error}stated {stated}{right and f'; right{right}'}.")
+        if since <= TIMES[0] and until < TIMES[-1]:
             instead = _bias_instead(min(groups[first], key=lambda axis: qualities(axis, *first)[-1].claim), inflation)
-            lines.append(f"{name}: N and K hold up to {until:g} s; beyond, set the horizon{instead}.")
-        elif until < math.inf:
-            holds.append(f"{until:g} s ({NAMES[sensor.quantity]})")
+            lines.append(f"For longer predictions, set the horizon{instead}.")
         large = large or losses[-1] > LARGE_LOSS
-    if holds:
-        within = f"the smallest stated / real is {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g}"
-        lines.append(f"N and K hold up to {', '.join(holds)}: {within}.")
-    return [*lines, "Filters with Gauss-Markov states (format state-space) predict better."] if large else lines
+    if not lines:
+        return []
+    before = ", before inflation" if inflation != 1 else ""
+    head = (
+        f"Predictions over {', '.join(f'{time:g}' for time in TIMES)} s{before}: error over the full model's; "
+        f"stated over real error (right: {TRUE_CLAIM[0]:g} to {TRUE_CLAIM[1]:g})."
+    )
+    return [head, *lines, *["Filters with Gauss-Markov states (format state-space) predict better."] * large]
 
 
 def _bias_instead(axis: AxisNoise, inflation: float) -> str:
@@ -261,7 +257,7 @@ def _bias_instead(axis: AxisNoise, inflation: float) -> str:
         return ""
     # Short, because a file has few lines of comment; the units are those of the file.
     white, sigma = state.white * inflation, state.sigma[0] * inflation
-    return f" or N {white:.3g}, σ {sigma:.2g}, T {state.time[0]:.2g} s ({axis.axis})"
+    return f", or use N {white:.3g}, σ {sigma:.2g}, T {round_text(state.time[0], 2)} s ({axis.axis})"
 
 
 def _range(ratios: Sequence[float]) -> str:

@@ -154,25 +154,31 @@ def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
 
 def axis_noise(axis: str, calibrated: AxisCalibration, quantity: Quantity, use: Use, level: float) -> AxisNoise:
     """Return N and K of one axis for a use: the numbers of its datasheet, unless the horizon or the program differ."""
-    fit, sheet = calibrated.fit, calibrated.datasheet
+    fit = calibrated.fit
     require_unit(axis, fit, quantity)
     flicker = _flicker(calibrated)
+    white, walk = filter_pair(calibrated, use, level)
+    # If the flicker term describes the slow noise, no upper limit of a random walk is added.
+    described = use.flicker and flicker.value > 0 and filter_entries(fit, use, level)["K"].value == 0
+    K = Number(0.0, False) if described else _number(axis, fit, walk)
+    return AxisNoise(axis, fit, N=_number(axis, fit, white), K=K, B=flicker, use=use)
+
+
+def filter_pair(calibrated: AxisCalibration, use: Use, level: float) -> tuple[Entry, Entry]:
+    """Return N and K of an axis for a use: those of its datasheet, unless the horizon or the program differ."""
+    fit, sheet = calibrated.fit, calibrated.datasheet
     if use == Use() and {"N", "K"} <= set(sheet):
-        white, walk = sheet["N"], sheet["K"]
-    else:
-        # The entries are stored, because many files are written from one calibration, and a limit needs another fit.
-        stored: dict[tuple[Use, float], tuple[Entry, Entry]] = fit.__dict__.setdefault("_limited_numbers", {})
-        if (use, level) not in stored:
-            numbers = limited(fit, filter_entries(fit, use, level), use.horizon, level)
-            stored[use, level] = numbers["N"], numbers["K"]
-        white, walk = (
-            as_limit(entry) if entry.symbol in sheet and sheet[entry.symbol].upper_only else entry
-            for entry in stored[use, level]
-        )
-        # If the flicker term describes the slow noise, no upper limit of a random walk is added.
-        if use.flicker and flicker.value > 0 and filter_entries(fit, use, level)["K"].value == 0:
-            return AxisNoise(axis, fit, N=_number(axis, fit, white), K=Number(0.0, False), B=flicker, use=use)
-    return AxisNoise(axis, fit, N=_number(axis, fit, white), K=_number(axis, fit, walk), B=flicker, use=use)
+        return sheet["N"], sheet["K"]
+    # The entries are stored, because many files are written from one calibration, and a limit needs another fit.
+    stored: dict[tuple[Use, float], tuple[Entry, Entry]] = fit.__dict__.setdefault("_limited_numbers", {})
+    if (use, level) not in stored:
+        numbers = limited(fit, filter_entries(fit, use, level), use.horizon, level)
+        stored[use, level] = numbers["N"], numbers["K"]
+    white, walk = (
+        as_limit(entry) if entry.symbol in sheet and sheet[entry.symbol].upper_only else entry
+        for entry in stored[use, level]
+    )
+    return white, walk
 
 
 def _flicker(calibrated: AxisCalibration) -> Number:
@@ -227,6 +233,6 @@ def lines_of(fit: Fit) -> list[tuple[float, float, str]]:
     rate = fit.wavelet_variance.rate
     return sorted((
         (math.sqrt(2 * line[0]), process.oscillation() or abs(line[1]) * rate, term)
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
         if (line := process.line(rate)) is not None and process.scale > 0
     ), reverse=True)  # fmt: skip

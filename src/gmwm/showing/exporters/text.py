@@ -10,6 +10,7 @@ from gmwm.base.remarks import Remark, Severity, with_groups
 from gmwm.base.text import list_text
 from gmwm.calibration import Calibration
 from gmwm.calibration.recording_findings import pairs_facts
+from gmwm.calibration.summary_text import extent_text
 from gmwm.fitting.estimation.result import GIVEN
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.showing.exporters.reduction import Number
@@ -33,7 +34,8 @@ def recording(calibration: Calibration) -> str:
     extents: dict[float, str] = {}
     for fit in sorted(calibration.values(), key=lambda fit: fit.wavelet_variance.filled):
         extents.setdefault(fit.wavelet_variance.rate, fit.wavelet_variance.extent)
-    extent = " and ".join(extents.values())
+    apart = len({(fit.wavelet_variance.samples, fit.wavelet_variance.rate) for fit in calibration.values()})
+    extent = " and ".join(extents.values()) if apart == len(extents) else extent_text(calibration)
     return (
         f"Recording: {source}{extent}{f', SHA-256 {list_text(digests)}' if digests else ''}.{_conditions(calibration)}"
     )
@@ -68,7 +70,7 @@ def cautions(calibration: Calibration) -> list[Remark]:
         for remark in calibration.remarks
         if remark.severity <= Severity.WRONG or remark.code == "unit-contradicted"
     ]
-    pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
+    pairs = [remark.facts["pairs"] for remark in calibration.remarks if "pairs" in remark.facts]
     shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
     return [Remark.of("noise-shared", case="file", **pairs_facts(shared)), *found] if shared else found
 

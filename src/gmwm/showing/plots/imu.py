@@ -112,6 +112,12 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
 
 def grid_figure(panels: Mapping[str, Panel]) -> Figure:
     """Return a figure with a panel for each axis, one row for each sensor, and common scales."""
+    # Axes without their warm-up are shorter. The scales of the longest one line up all panels.
+    axes = [panel.x for panel in panels.values()]
+    low, high = min(x.limits[0] for x in axes), max(x.limits[1] for x in axes)
+    longest = next((x for x in axes if x.limits == (low, high)), None)
+    if longest is not None and len({x.label for x in axes}) == 1:
+        panels = {name: replace(panel, x=longest) for name, panel in panels.items()}
     rows = _arrange({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:

@@ -18,7 +18,7 @@ from gmwm.base.text import p_relation, p_text, round_fixed, round_text, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import legend, model_words, outliers_word, rows_of, short_legend
+from gmwm.calibration.summary_text import extent_text, legend, model_words, outliers_word, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.choosing.selection import Ranking
@@ -179,6 +179,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         axes.append({"id": f"axis{k}", **names, **_axis(name, axis, name in misfits)})
     return {
         "title": title_of(calibration),
+        "extent": extent_text(calibration),
         "verdict": verdict(calibration),
         "notes": notes(calibration),
         "recording": recording_facts(calibration),
@@ -324,7 +325,7 @@ def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     fit = axis.fit
     units = fit.units()
     rows = []
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         of_frequency = f" of {shown}" if (shown := name_in_text(term, process)) != term else ""
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"

@@ -16,7 +16,7 @@ from gmwm.calibration.findings import certificate_of, equality_remarks, rejected
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.summary_text import main_symbols, model_words, number_text
+from gmwm.calibration.summary_text import extent_text, main_symbols, model_words, number_text
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.entry import Entry, significant
 from gmwm.showing.plots.labels import axis_title
@@ -41,7 +41,9 @@ def recording_facts(calibration: Calibration) -> dict[str, Any]:
     if recording is None:
         wv = next(iter(calibration.axes.values())).fit.wavelet_variance
         return {"facts": [*facts, *_length(wv.samples, wv.rate), *axes], "rows": []}
-    facts += [*_file(recording), *_length(recording.samples, recording.rate), *axes, *_conditions(recording)]
+    lengths = {item.fit.wavelet_variance.samples for item in calibration.axes.values()}
+    length = [("Length", extent_text(calibration))] if len(lengths) > 1 else _length(recording.samples, recording.rate)
+    facts += [*_file(recording), *length, *axes, *_conditions(recording)]
     return {"facts": facts, "rows": []}
 
 
@@ -132,7 +134,9 @@ def _results(calibration: Calibration) -> Iterator[Remark]:
     """Yield remarks with the main results: axes, ranges of N, B and K, tests, and the certificate of the optimum."""
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
-    length = duration_text((wv.samples - wv.filled) / wv.rate)
+    curves = [axis.fit.wavelet_variance for axis in calibration.axes.values()]
+    lengths = [duration_text(seconds) for seconds in sorted({(wv.samples - wv.filled) / wv.rate for wv in curves})]
+    length = " to ".join(dict.fromkeys((lengths[0], lengths[-1])))
     lost = unusable(calibration)
     codes = {remark.code for remark in calibration.remarks}
     if not lost:  # Otherwise the headline states the number of axes that cannot be used.

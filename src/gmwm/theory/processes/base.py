@@ -135,6 +135,11 @@ class Process(HaarTheory, ABC):
         """Whether every parameter has a value."""
         return all(getattr(self, p.name) is not None for p in self.parameters)
 
+    @property
+    def shape_is_fixed(self) -> bool:
+        """Whether every parameter that changes more than the scale is fixed."""
+        return all(self.is_fixed(p.name) for p in self.nonlinear_parameters())
+
     def value(self, name: str) -> float:
         """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
         number: float | None = v.value if isinstance(v := self.__dict__[name], Fixed) else v
@@ -198,6 +203,10 @@ class Process(HaarTheory, ABC):
         assert power is not None
         return math.pow(scale, 1.0 / power)
 
+    def with_scale(self, scale: float) -> Self:
+        """Return the same process with the scale coefficient `scale`."""
+        return self.with_values(**{self.scale_parameter().name: self.value_from(scale)})
+
     @classmethod
     def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
         """Return the process with scale coefficient 1 and these nonlinear parameters."""
@@ -231,6 +240,7 @@ class Process(HaarTheory, ABC):
         A subclass that has closed forms for some filters calls `super().shape` for the others.
         """
         numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
+        # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
         if filter is HAAR and processes and cls._derives("state_space"):
             return haar_variances([process.state_space(rate) for process in processes], numbers)
         rows = [process._variance_under(filter, numbers, rate) for process in processes]
@@ -531,9 +541,6 @@ class Process(HaarTheory, ABC):
 
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
         """Compute the wavelet variance (J,) under the Haar filter."""
-        # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
-        if self._derives("state_space"):
-            return self.state_space(rate).haar_variance(levels)
         h = 2 ** (levels - 1)
         k0 = self.running_sum_covariance(np.zeros(1, dtype=np.int64), rate)
         k1, k2 = self.running_sum_covariance(h, rate), self.running_sum_covariance(2 * h, rate)

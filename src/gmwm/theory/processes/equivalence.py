@@ -38,4 +38,4 @@ def likeness(
         share = matrix / np.outer(root, root)
         seen, target = root * shape, root * variance
         scale = float(seen @ share @ target / (seen @ share @ seen))
-    return kind(**{kind.scale_parameter().name: kind.value_from(max(scale, 0.0))})
+    return kind().with_scale(max(scale, 0.0))

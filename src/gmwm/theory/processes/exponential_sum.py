@@ -29,17 +29,13 @@ _SERIES = 0.5
 """|λ| s below which sinh λs − s sinh λ comes from its series, without cancellation, as in the kernel."""
 
 
-def _none() -> Vector:
-    return np.empty(0)
-
-
 @dataclass(frozen=True, eq=False)
 class ExponentialSum:
     """Generalised covariance of the running sum of a process; see the module docstring."""
 
     white: float = 0.0  # density w of the white noise (u²)
     walk: float = 0.0  # innovation variance γ² of the random walk (u²)
-    spikes: Vector = field(default_factory=_none)  # (L,) ρ(0), ρ(1), …, ρ(L − 1) (u²)
+    spikes: Vector = field(default_factory=lambda: np.empty(0))  # (L,) ρ(0), ρ(1), …, ρ(L − 1) (u²)
     # (n,) amplitudes a_p (u²). Of a pair of complex decays, one is listed, with twice its amplitude
     amplitudes: NDArray[np.complex128] = field(default_factory=lambda: np.empty(0, dtype=np.complex128))
     # (n,) decays λ_p per sample, with a real part ≥ 0 and an imaginary part between 0 and π

@@ -127,16 +127,14 @@ def matern(unit: float, nu: float) -> ContinuousStateSpace:
         seen[:] = 1.0
     start = solve_continuous_lyapunov(a, -density)
     # The faster processes are white at the samples: the variance of each is drive β²/2b.
-    remainder = 0.0 if chain or p == 1.0 else _fast_variance(sine, step, top=float(g[0]), p=p, unit=unit)
+    # b is nearly β √g.
+    remainder = 0.0
+    if not chain and p != 1.0:
+        remainder = 0.5 * unit * sine * step * math.pow(float(g[0]), 0.5 - p) / math.expm1(step * (p - 0.5))
     total = float(seen @ start @ seen) + remainder
     return ContinuousStateSpace(
         A=a, Qc=density / total, H=seen, Rc=remainder / total, P0=(start + start.T) / (2.0 * total)
     )
-
-
-def _fast_variance(sine: float, step: float, *, top: float, p: float, unit: float) -> float:
-    """Return the total variance of the Gauss-Markov processes with g > `top`, for which b is nearly β √g."""
-    return 0.5 * unit * sine * step * math.pow(top, 0.5 - p) / math.expm1(step * (p - 0.5))
 
 
 def start_at_zero(process: Process, rate: float) -> StateSpace:
@@ -167,7 +165,7 @@ def state_space_error(process: Process, rate: float) -> float:
 
 def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
     """Return a remark on the terms whose state space is an approximation, with the largest error."""
-    named = zip(model.terms, model.processes, strict=True)
+    named = model.by_term.items()
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:
         return ()

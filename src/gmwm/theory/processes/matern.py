@@ -203,7 +203,11 @@ class MAT(Process):
         n, count = as_paths(n, paths)
         rate, generator, size = as_rate(rate), as_rng(rng), math.sqrt(self.scale)
         if n <= _SHORT:
-            draws = generator.standard_normal((count, n)) @ self._root(n, rate)
+            # RᵀR is the correlation matrix of the samples.
+            beta, k = self.value("beta"), np.arange(n)
+            correlations = matern(k.astype(np.float64) * (beta / rate), self.value("nu")).correlation
+            values, vectors = np.linalg.eigh(correlations[np.abs(np.subtract.outer(k, k))])
+            draws = generator.standard_normal((count, n)) @ (np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
         else:
             draws = circulant_embedding.paths(self._amplitudes(n, rate), n, generator, count)
         draws *= size
@@ -258,13 +262,6 @@ class MAT(Process):
             places = smooth_autocovariance.spread_places(single, max(longest // single, 1).bit_length())
             values = smooth_autocovariance.spread(getattr(matern(places * (beta / rate), nu), what), k.ravel(), single)
         return np.asarray(self.scale * values.reshape(k.shape))
-
-    def _root(self, n: int, rate: float) -> Matrix:
-        """Return R such that RᵀR is the correlation matrix of n samples."""
-        t = np.arange(n, dtype=np.float64)
-        correlations = matern(t * (self.value("beta") / rate), self.value("nu")).correlation
-        values, vectors = np.linalg.eigh(correlations[np.abs(np.subtract.outer(np.arange(n), np.arange(n)))])
-        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
         """Return the square roots of the eigenvalues of the circulant correlation matrix for paths of n samples."""

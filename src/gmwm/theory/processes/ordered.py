@@ -214,7 +214,8 @@ class Ordered(Process, abstract=True):
             if len(numbers) >= len(cls.order_names()):
                 raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice", argument=cls.period_name)
             numbers.append(values[cls.period_name])
-        counts = {p.order: len(_sequence(values[p.name], cls, p)) for p in cls.polynomials if _is_given(values, p.name)}
+        lists = {p: values.get(p.name) for p in cls.polynomials}
+        counts = {p.order: len(_sequence(given, cls, p)) for p, given in lists.items() if given is not None}
         named = [values[name] for name in cls.order_names() if name in values and name != cls.period_name]
         if named and not orders and not counts:
             numbers = [*named, *numbers]
@@ -253,10 +254,6 @@ def _again(ordered: type[Ordered], orders: tuple[int, ...], values: dict[str, Va
 
 def _name(ordered: type[Ordered], orders: tuple[int, ...]) -> str:
     return f"{ordered.name}({','.join(map(str, orders))})"
-
-
-def _is_given(values: Mapping[str, Any], name: str) -> bool:
-    return values.get(name) is not None
 
 
 def _sequence(values: Any, owner: Any, polynomial: Polynomial) -> list[Value]:

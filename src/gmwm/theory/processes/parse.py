@@ -138,7 +138,7 @@ class _ModelParser:
         while len(orders) < most and (
             self._next.kind == "number" or (self._next.text == ordered.period_name and orders)
         ):
-            if self._take_name(ordered.period_name):
+            if self._take(ordered.period_name, "name"):
                 self._expect("=", f"after {ordered.period_name}")
             token = self._advance()
             if not token.text.isdigit():
@@ -241,14 +241,8 @@ class _ModelParser:
         self.position = min(self.position + 1, len(self.tokens) - 1)
         return token
 
-    def _take(self, mark: str) -> bool:
-        if self._next.kind != "mark" or self._next.text != mark:
-            return False
-        self._advance()
-        return True
-
-    def _take_name(self, name: str | None) -> bool:
-        if self._next.kind != "name" or self._next.text != name:
+    def _take(self, text: str | None, kind: str = "mark") -> bool:
+        if self._next.kind != kind or self._next.text != text:
             return False
         self._advance()
         return True

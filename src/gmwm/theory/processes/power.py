@@ -14,9 +14,9 @@ from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.base.errors import MissingTheoryError
 from gmwm.theory.continuous_statespace import ContinuousStateSpace
 from gmwm.theory.filters import HAAR, WaveletFilter
-from gmwm.theory.processes import haar_covariance, self_similar
+from gmwm.theory.processes import circulant_embedding, haar_covariance, self_similar
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.circulant_embedding import amplitudes, half_period, paths
+from gmwm.theory.processes.circulant_embedding import amplitudes, half_period
 from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.haar_covariance import LagGrid
 from gmwm.theory.processes.ladder import power_law
@@ -114,7 +114,9 @@ class PowerLaw(Process, abstract=True):
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
-        return _simulate(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
+        series = circulant_embedding.paths(_roots(epsilon, half_period(n)), n, as_rng(rng), count)
+        series *= math.sqrt(first)
+        return (series if epsilon < 0 else np.cumsum(series, axis=1)).reshape(shape_of_paths(n, paths))
 
     def state_space(self, rate: float) -> StateSpace:
         """Return the state space of eleven averaged Gauss-Markov processes, with an Allan deviation within 1 % from 1
@@ -144,24 +146,14 @@ class PowerLaw(Process, abstract=True):
         return power_law(epsilon)
 
 
-def _simulate(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    series = paths(_roots(epsilon, half_period(n)), n, rng, count)
-    series *= math.sqrt(first)
-    return series if epsilon < 0 else np.asarray(np.cumsum(series, axis=1))
-
-
 @lru_cache(maxsize=2)
 def _roots(epsilon: float, half: int) -> Vector:
     """Return the cached amplitudes for circulant embedding of paths with ν_1² = 1, or of their increments if ε ≥ 0."""
     if epsilon < 0:
-        return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
+        variance = -1.0 / math.expm1(epsilon * _LOG2)  # of a sample
+        return amplitudes(lambda k: variance * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)
     return amplitudes(lambda k: haar_covariance.power(LagGrid(ones, ones, k), epsilon), half)
-
-
-def _variance(epsilon: float) -> float:
-    """Return the variance of a sample for ν_1² = 1 and ε < 0."""
-    return -1.0 / math.expm1(epsilon * _LOG2)
 
 
 @dataclass(frozen=True, repr=False)

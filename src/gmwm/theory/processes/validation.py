@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Integers, Vector
+from gmwm.base.arrays import Integers, Vector, as_whole_number
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.text import defined_anew, is_own
 
@@ -70,7 +70,7 @@ def as_rng(rng: object) -> np.random.Generator:
     return np.random.default_rng(rng if isinstance(rng, np.random.SeedSequence) else as_seed(rng))
 
 
-def as_seed(rng: object) -> int:
+def as_seed(rng: Any) -> int:
     """Return an integer seed, drawn if a Generator: parallel work needs one, and results record it.
 
     >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
@@ -78,17 +78,14 @@ def as_seed(rng: object) -> int:
     """
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**63))
-    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
-        raise OptionError(argument="rng", expected="zero or a positive integer, or a numpy.random.Generator", got=rng)
-    return int(rng)
+    expected = "zero or a positive integer, or a numpy.random.Generator"
+    return as_whole_number(rng, "rng", 0, expected=expected)
 
 
-def as_paths(n: object, paths: object) -> tuple[int, int]:
+def as_paths(n: int, paths: int | None) -> tuple[int, int]:
     """Check the number of samples and the number of paths, and return both; None means one path."""
-    for name, value in (("n", n), ("paths", 1 if paths is None else paths)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise OptionError(argument=name, expected="a positive integer", got=value)
-    return int(n), 1 if paths is None else int(paths)  # type: ignore[call-overload]
+    n = as_whole_number(n, "n", 1, expected="a positive integer")
+    return n, 1 if paths is None else as_whole_number(paths, "paths", 1, expected="a positive integer")
 
 
 def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:

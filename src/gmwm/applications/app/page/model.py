@@ -11,7 +11,7 @@ from gmwm.applications.app.page import widgets
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import SILENT_S, Desk, Workspace
 from gmwm.base.errors import GmwmError, OptionError
-from gmwm.base.text import p_text, round_fixed
+from gmwm.base.text import gap_text, p_text, round_fixed
 from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.fitting.estimation.model_error import relative_misfit
@@ -230,13 +230,13 @@ def _parameters(fit: Fit, session: Session) -> Any:
         hold = widgets.button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
-    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers parameters")
 
 
 def _tests(fit: Fit) -> Any:
     deviation = relative_misfit(fit)
     _, test = test_in_words(fit, IntervalMethod())
-    gap = "no certificate" if fit.gap is None else f"proven within {100 * fit.gap:.2g} % of the objective"
+    gap = "no certificate" if fit.gap is None else f"proven within {gap_text(fit.gap)} of the objective"
     misfit_text = "none"
     if deviation.largest > 0:
         misfit_text = f"{100 * deviation.rms:.2g} % rms, {100 * deviation.largest:.2g} % at {deviation.tau:.3g} s"
@@ -317,5 +317,5 @@ def _terms(fit: Fit) -> dict[str, Process]:
     """Return the processes of a fit by term, with values for the held parameters only."""
     return {
         term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
     }

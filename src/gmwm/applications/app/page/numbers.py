@@ -34,8 +34,9 @@ from gmwm.base.units import by_sensor
 from gmwm.calibration import Calibration
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
-from gmwm.choosing.datasheets.effective import effective_noise
+from gmwm.choosing.datasheets.effective import Use
 from gmwm.files.importers.values import as_reference, parse_reference
+from gmwm.showing.exporters.reduction import filter_pair
 from gmwm.showing.plots.figure import description
 from gmwm.showing.reports.figures import sensor_panel
 from gmwm.showing.reports.verdict import filter_tables, state_of
@@ -192,13 +193,16 @@ def _effective(session: Session, workspace: Workspace, width: float) -> Any:
         rows = []
         for axis, axis_result in found.axes.items():
             try:
-                entries = effective_noise(axis_result.fit, session.horizon, session.confidence)
+                entries = filter_pair(axis_result, Use(session.horizon), session.confidence)
             except GmwmError as error:
                 rows.append([axis, error.text(Dialect.SHELL), ""])
                 continue
-            rows.append([axis, *(_inflate(entries[name], session) for name in ("N", "K"))])
+            rows.append([axis, *(_inflate(entry, session) for entry in entries)])
         times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
-        return [table(head, rows, "numbers"), html.P(f"The files of the tab Download have these numbers{times}.")]
+        return [
+            table(head, rows, "numbers"),
+            html.P(f"The files of the tab Download are written from these numbers{times}."),
+        ]
 
     job = workspace.calibration(session)
     return of_job(job, show) if job.state == "done" else []
@@ -218,8 +222,9 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
 
 
 def _inflate(entry: Any, session: Session) -> str:
-    value, _, _, unit = entry.in_units(session.units)
-    return f"{'≤ ' if entry.upper_only else ''}{session.inflation * value:.4g} {unit}"
+    value, _, high, unit = entry.in_units(session.units)
+    limit = entry.upper_only and high is not None
+    return f"{'≤ ' if limit else ''}{session.inflation * (high if limit else value):.4g} {unit}"
 
 
 def _against(session: Session, workspace: Workspace, width: float) -> Any:
