@@ -105,9 +105,9 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
     cleaning = forms.replacements
     body = [(k, forms.rewritten(line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
-    grouped = (
-        WITHOUT_POINTS if decimal_comma else WITHOUT_GROUPS if commas == "thousands" and delimiter != "," else None
-    )
+    grouped = WITHOUT_POINTS if decimal_comma else None
+    if commas == "thousands" and delimiter != ",":
+        grouped = WITHOUT_GROUPS
     if grouped is not None:
         cleaning = (*cleaning, grouped)
         body = [(k, re.sub(grouped[0].decode(), "", line)) for k, line in body]
