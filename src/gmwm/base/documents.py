@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import partial
+from functools import cache
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -295,16 +295,21 @@ def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str
     return {name: plain(getattr(result, name), finite=finite) for name in names.split()}
 
 
+@cache
+def _encoder(escaped: bool, separator: str) -> Callable[[Any], str]:
+    return json.JSONEncoder(allow_nan=False, ensure_ascii=escaped, separators=(separator, ": ")).encode
+
+
 def indented_json(value: Any, *, escaped: bool = False, level: int = 0) -> str:
     """Return the text of `json.dumps(value, indent=1, allow_nan=False)`, three times as fast, because numbers without
     containers among them are encoded together. If `escaped` is true, the text is ASCII."""
-    encode = partial(json.dumps, allow_nan=False, ensure_ascii=escaped)
+    encode = _encoder(escaped, ", ")
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
     if not items:
         return encode(value)
     ends, inner = "\n" + level * " ", "\n" + (level + 1) * " "
     if not any(issubclass(kind, dict | list | tuple) for kind in set(map(type, items))):
-        text = encode(value, separators=("," + inner, ": "))
+        text = _encoder(escaped, "," + inner)(value)
         return text[0] + inner + text[1:-1] + ends + text[-1]
     parts, marks = [indented_json(item, escaped=escaped, level=level + 1) for item in items], "[]"
     if isinstance(value, dict):

@@ -230,7 +230,7 @@ def _parameters(fit: Fit, session: Session) -> Any:
         hold = widgets.button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
-    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers parameters")
 
 
 def _tests(fit: Fit) -> Any:
