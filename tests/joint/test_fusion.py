@@ -223,6 +223,14 @@ def test_a_model_that_does_not_fit_is_reported():
     assert [code_of(remark) for remark in virtual.remarks] == ["model-rejected:array"]
 
 
+def test_rounding_is_part_of_the_model_if_no_other_fits():
+    model = {"gyro_x": "QN(q2=2.5e-7) + WN(sigma2=6e-7)"}
+    units = [gmwm.simulate(model, rate=100.0, samples=20_000, rng=k) for k in (1, 2)]
+    found = fuse(units)["gyro_x"]
+    assert found.model.endswith("+ QN")
+    assert found.pvalue > 0.01
+
+
 def test_no_negative_weights_need_a_horizon():
     with pytest.raises(OptionError):
         fuse(array(n=512), 1.0, nonnegative=True)

@@ -49,7 +49,7 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
     figure = plotly_panel(panel if title else replace(panel, title=""))
     names = [trace["name"] for trace in figure["data"] if trace["showlegend"]]
     longest = max(map(len, names), default=0)
-    entry = min(width - SIDE_MARGINS_PX, 44 + 6.4 * longest)
+    entry = min(width - 10, 44 + 6.4 * longest)  # the legend is as wide as the figure
     rows = math.ceil(len(names) / max(1, (width - SIDE_MARGINS_PX + 10) // entry)) if names else 0
     foot = 50 + 20 * rows
     layout = figure["layout"]
@@ -181,7 +181,7 @@ def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> P
     """Return the process of a term after its handle was dragged, with its values held fixed. Its curve goes through
     `to` (time, value); a correlation time changes in proportion to the horizontal position."""
     wv = fit.wavelet_variance
-    process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
+    process = fit.model.by_term[term]
     shown = view_for(wv, session.view, session.units)
     (old, _), (time, height) = _place(fit, term, shown), to
     values = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -41,17 +42,17 @@ Design = Callable[[ArrayNoise], DifferenceFilter]
 
 
 def fit_array(signals: Mapping[str, Signal], model: ModelLike | None) -> JointSolution:
-    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits, or fits best."""
+    """Return the joint fit of a model; without one, of WN + RW + k·GM with the smallest k that fits. If none does, QN
+    is added; if none fits then, the fit is the best one."""
     if model is not None:
         terms = joint_terms(model)
         return settle(terms, measured_at(signals, None, len(terms), least=LEAST_FOR_WEIGHTS))
     measured = measured_at(signals, None, 2, least=LEAST_FOR_WEIGHTS)
     best: tuple[float, JointSolution] | None = None
-    for count in range(3):
-        text = "shared(WN) + shared(RW)" + (f" + {count}*shared(GM)" if count else "")
-        terms = joint_terms(text)
+    for rounding, count in product(("", " + QN"), range(3)):
+        terms = joint_terms("shared(WN) + shared(RW)" + (f" + {count}*shared(GM)" if count else "") + rounding)
         if measured.design.levels.size <= len(terms) + count:
-            break
+            continue
         try:
             solution = settle(terms, measured)
         except ModelError:  # no noise in some combination of the signals, as far as the weights can tell
@@ -189,8 +190,8 @@ def fuse(
         for the slowest noise of a `model`. By default, a Kalman filter is used.
     model : str, optional
         Joint model of the noise, such as "WN + shared(RW)". By default, a Kalman filter uses the model WN + RW + k·GM
-        with all terms shared and the smallest k for which it fits. Static weights use the measured covariance matrices
-        by default; a model makes the weights for long horizons more accurate.
+        with all terms shared and the smallest k for which it fits, or with QN if none fits. Static weights use the
+        measured covariance matrices by default; a model makes the weights for long horizons more accurate.
     nonnegative : bool
         Whether to restrict the weights to values of at least 0; only with `horizon`. Negative weights remove noise that
         the sensors share, but increase the errors from scale factor and misalignment.

@@ -207,14 +207,14 @@ class SameNoise(RecordingComparison, Tabular):
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
                     p=test.pvalue,
                 )  # fmt: skip
-        for test in self.parameters:
-            if not test.differs:
-                yield Remark.of("recordings-agree", test.axis, case="parameters", size=self.size)
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
-        rejected = [test for test, p in zip(self.parameters, adjusted, strict=True) if p <= self.size]
-        for test in rejected:
-            least = min(other.fit_pvalue for other in rejected)
-            yield Remark.of("model-rejected", test.axis, case="same", p=least)
+        pairs = zip(self.parameters, adjusted, strict=True)
+        rejected = {test.axis: test.fit_pvalue for test, p in pairs if p <= self.size}
+        for test in self.parameters:
+            if test.axis in rejected:
+                yield Remark.of("model-rejected", test.axis, case="same", p=min(rejected.values()))
+            elif not test.differs:
+                yield Remark.of("recordings-agree", test.axis, case="parameters", size=self.size)
 
     @property
     def _other(self) -> str:

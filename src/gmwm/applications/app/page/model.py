@@ -230,7 +230,7 @@ def _parameters(fit: Fit, session: Session) -> Any:
         hold = widgets.button("Free" if held else "Fix", {"type": "hold", "parameter": row.name}, "small")
         shown.append([row.name, hold, value, row.interval, row.unit])
     level = f"{100 * session.confidence:g} % interval"
-    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers")
+    return widgets.table(["Parameter", "", "Estimate", level, "Unit"], shown, "numbers parameters")
 
 
 def _tests(fit: Fit) -> Any:
@@ -317,5 +317,5 @@ def _terms(fit: Fit) -> dict[str, Process]:
     """Return the processes of a fit by term, with values for the held parameters only."""
     return {
         term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
     }
