@@ -149,7 +149,7 @@ def test_recorded(tmp_path, capsys):
 
 # --- navigation ---------------------------------------------------------------------------------------
 
-RUNS = 20
+RUNS = 12
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from gmwm.base.time_base import TimeBase
 from gmwm.measuring.inspection import inspect
 from gmwm.recording.resolution import lsb
 from gmwm.recording.signals import Imu, Signal
-from tests.helpers import codes, only, raises
+from tests.helpers import code_of, codes, only, raises
 
 RATE = 100.0
 
@@ -28,6 +28,35 @@ def still(samples=60_000, seed=0):
 
 def look(values, **options):
     return inspect(Imu.from_arrays(values, RATE, **options))
+
+
+def test_columns_with_the_same_samples_are_refused():
+    values = still(5000)
+    assert look(values).remarks == ()
+    values[:, 2] = values[:, 1]
+    found = gmwm.calibrate(Imu.from_arrays(values, RATE), within="WN")
+    copies = [remark for remark in found.recording_remarks if remark.facts.get("case") == "copy"]
+    assert {remark.subject: remark.facts["reference"] for remark in copies} == {"gyro_y": "gyro_z", "gyro_z": "gyro_y"}
+    refused = [axis for axis, numbers in found.number_verdicts.items() if numbers["N"].reason in copies]
+    assert refused == ["gyro_y", "gyro_z"]
+    values[:, :2] = 0.0  # constant columns are not copies
+    assert "noise-shared" not in codes(look(values).remarks)
+
+
+@pytest.mark.parametrize(("mean", "case"), [(0.04, "unit-contradicted:removed"), (0.06, "unit-doubtful:gravity")])
+def test_accelerometers_without_gravity_can_be_used_but_not_those_with_a_wrong_unit(mean, case):
+    values = still(5000)
+    values[:, 5] += mean - 9.81
+    (remark,) = look(values).remarks
+    assert code_of(remark) == case
+    assert (remark.severity is Severity.WRONG) == (mean > 0.05)
+
+
+def test_gaps_that_only_some_axes_have_name_them():
+    values = still(20_000)
+    values[5000:7000, :2] = values[4999, :2]
+    gaps = [remark for remark in look(values).remarks if remark.code == "gaps"]
+    assert [remark.subject for remark in gaps] == ["gyro_x", "gyro_y"]
 
 
 @pytest.mark.slow

@@ -47,11 +47,11 @@ def repeated(count, same):
 @pytest.mark.parametrize(
     ("remarks", "expected"),
     [
-        (lambda: of_gravity(1.015 * STANDARD_GRAVITY), []),
-        (lambda: of_gravity(1.025 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(1.045 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(0.86 * STANDARD_GRAVITY), ["unit-contradicted:gravity"]),
-        (lambda: of_gravity(1.16 * STANDARD_GRAVITY), ["unit-doubtful:gravity"]),
+        (lambda: of_gravity(1.015 * STANDARD_GRAVITY, {}), []),
+        (lambda: of_gravity(1.025 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.045 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(0.86 * STANDARD_GRAVITY, {}), ["unit-contradicted:gravity"]),
+        (lambda: of_gravity(1.16 * STANDARD_GRAVITY, {}), ["unit-doubtful:gravity"]),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.08 / RATE), 0), []),
         (lambda: of_time(EXTENT, TimeBase(RATE, jitter=0.12 / RATE), 0), ["stamps-irregular:jitter"]),
         (lambda: of_motion(STILL, 0.8, (), EXTENT), ["recording-settles"]),

@@ -131,7 +131,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """Run lengths of good sensors, and delays and kinds of faults."""
-    samples, repeats = (2_000_000, 3) if reduced else (SAMPLES, REPEATS)
+    samples, repeats = (1_000_000, 3) if reduced else (SAMPLES, REPEATS)
     names = list(FAULTS)[:8:3] if reduced else list(FAULTS)
     before = monitor_api.REMEMBERED_S
     # Every alarm counts, also one of the same kind within an hour.

@@ -66,7 +66,7 @@ DRAWS = 500
 
 def run(reduced: bool = False) -> dict[str, Any]:
     """The optimism of each case under each weighting, by simulation, by theory, and by bootstrap."""
-    count, fits, bootstraps = (400, 20, 2) if reduced else (5000, 200, 12)
+    count, fits, bootstraps = (300, 12, 2) if reduced else (5000, 200, 12)
     draws = 100 if reduced else DRAWS
     chosen = [k for k, case in enumerate(CASES) if not reduced or case.fitted in ("AR1 + WN", "WN + RW")]
     places = [(k, weighting) for k in chosen for weighting in CASES[k].weightings]

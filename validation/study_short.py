@@ -41,7 +41,7 @@ Row = dict[str, Any]
 def run(reduced: bool = False) -> dict[str, Any]:
     """Shares of intervals that contain the true value: by length, beside a term that is zero, and of the model
     chosen."""
-    count, followed = (24, 8) if reduced else (400, 200)
+    count, followed = (16, 6) if reduced else (400, 200)
     rows: list[Row] = []
     for times in (10, 100) if reduced else TIMES:
         rows += by_length(times, count, followed)

@@ -65,6 +65,14 @@ def calibrated(gmwm, recording, tmp_path_factory) -> tuple[Path, Outcome]:
     return target, gmwm("calibrate", recording, "--within", WITHIN, "--output", target)
 
 
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """The pictures of a calibration with --output are empty, because to draw them takes a third of its time."""
+    monkeypatch.setattr(
+        "gmwm.cli.calibrate.pictures", lambda *_: dict.fromkeys(("calibration.png", "by_sensor.png"), b"")
+    )
+
+
 @pytest.fixture(scope="session")
 def unlabelled(folder) -> Path:
     """One gyroscope axis without time or unit."""

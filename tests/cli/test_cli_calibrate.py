@@ -135,6 +135,7 @@ def doubled(recording, folder):
     return path
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
     assert gmwm("calibrate", doubled, "--within", "WN + RW", "--output", tmp_path).code == 0
     found = Calibration.load(tmp_path / "calibration.json")
@@ -147,6 +148,7 @@ def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
     assert "19.61 m/s^2" in (tmp_path / "imu.yaml").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, calibrated, tmp_path):
     shutil.copytree(calibrated[0], tmp_path, dirs_exist_ok=True)
     assert (tmp_path / "imu.yaml").exists()
@@ -249,6 +251,7 @@ def test_a_dead_axis_does_not_fail_the_others(gmwm, recording, tmp_path):
     assert set(found["axes"]) == {"gyro_x", "gyro_y", "accel_x", "accel_y", "accel_z"}
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_all_topics_of_a_file(gmwm, tmp_path):
     rng = np.random.default_rng(1)
     rows = "".join(

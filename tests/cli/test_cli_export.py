@@ -21,6 +21,7 @@ def test_calibrate_writes_imu_yaml(file):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
     outcome = gmwm("calibrate", recording, "--within", "WN + RW", "--axis", "gyro", "--output", tmp_path)
     assert outcome.code == 0

@@ -95,6 +95,7 @@ def two_clocks(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_gyroscopes_and_accelerometers_with_a_topic_each_are_one_unit(gmwm, two_clocks, tmp_path):
     outcome = gmwm("calibrate", two_clocks, "--within", "WN", "--output", tmp_path / "both", "--json")
     assert outcome.code == 0, outcome.err

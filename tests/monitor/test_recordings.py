@@ -18,9 +18,9 @@ WITHIN = "GM + MA(1) + RW"
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is missing")
-def test_nine_gyro_axes_at_rest_give_at_most_one_event() -> None:
+def test_six_gyro_axes_at_rest_give_at_most_one_event() -> None:
     events = []
-    for number in (1, 2, 3):
+    for number in (1, 3):
         imu = gmwm.read(DATA / f"adis16405_static_{number}.parquet", rate=100.0, units={"gyro": "deg/s", "accel": "g"})
         good = imu.between(0.0, 4000.0)
         fits = {axis: gmwm.fit(WITHIN, gmwm.wavelet_variance(good[axis]), certify=False) for axis in GYROS}

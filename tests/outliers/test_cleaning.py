@@ -139,7 +139,7 @@ def test_motion_that_lasts_is_kept():
 
 @pytest.mark.slow
 def test_too_many_knocks_are_kept():
-    for share, kept in ((0.08, False), (0.2, True)):
+    for share, kept in ((0.08, False), (0.3, True)):
         x = white(np.random.default_rng(4))
         for at in np.linspace(1000, N - 1000, round(share * N / 120)).astype(int):
             x[at : at + 40] += 60.0 * np.where(np.arange(40) % 2, 1, -1)

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 oracle = SimpleNamespace(**runpy.run_path(str(ROOT / "tests" / "oracles" / "haar.py")))
 SHARED = ROOT.parent / "shared"
 
-deterministic = settings(derandomize=True, deadline=None, max_examples=60)
+deterministic = settings(derandomize=True, deadline=None, max_examples=40)
 extended = pytest.mark.skipif(not oracle.extended_precision, reason="long double is a double on this platform")
 signals = hnp.arrays(np.float64, st.integers(2, 700), elements=st.integers(-(2**20), 2**20).map(float))
 

@@ -6,7 +6,9 @@ import math
 import os
 import sys
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from dataclasses import dataclass, fields
+from functools import lru_cache, partial
+from types import MappingProxyType
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -151,6 +153,15 @@ def as_rate(rate: float | None) -> float:
     return value
 
 
+def require_rate(rate: float | None, known: float, owner: str = "signal") -> None:
+    """Raise OptionError if a `rate` is given that differs from the `known` rate (Hz) of its owner."""
+    if rate is not None and as_rate(rate) != known:
+        raise OptionError(
+            f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz", argument="rate", got=rate,
+            advice="Leave {--rate} out.",
+        )  # fmt: skip
+
+
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     """Check wavelet levels: ascending integers from 1 to 62 (scales of 64 bits), or a number J for 1, …, J."""
     if type(levels) is np.ndarray and levels.dtype == np.int64 and levels.ndim == 1 and _are_levels(levels.tobytes()):
@@ -204,3 +215,19 @@ class FrozenArrays:
             for array in value.values() if isinstance(value, Mapping) else (value,):
                 if isinstance(array, np.ndarray):
                     freeze(array)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrozenMappings:
+    """Base of dataclasses whose mappings become read-only, and that can still be copied and pickled."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if isinstance(value := getattr(self, field.name), Mapping):
+                object.__setattr__(self, field.name, MappingProxyType(dict(value)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled, so the copy is built from dicts.
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        plain = {name: value.copy() if isinstance(value, MappingProxyType) else value for name, value in values.items()}
+        return partial(type(self), **plain), ()

@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
-from functools import partial
+from functools import cache
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -202,14 +202,19 @@ def _written(result: Any) -> dict[str, Any]:
     return content
 
 
-def _read(kind: type[T], values: Mapping[str, Any]) -> T:
-    """Read the fields of a dataclass from its document."""
-    types, content = field_types(kind), {}
+def fields_of(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Read the fields of a dataclass that are in its document."""
+    types, content = field_types(kind), dict[str, Any]()
     for entry in entries_of(kind):
         if entry.is_field and not (entry.optional and entry.key not in values):
             value = values if entry.inlined else values[entry.key]
             content[entry.name] = _value(types[entry.name], value, entry)
-    result = kind(**content)
+    return content
+
+
+def _read(kind: type[T], values: Mapping[str, Any]) -> T:
+    """Read a dataclass from its document."""
+    result = kind(**fields_of(kind, values))
     if isinstance(result, Documented):
         result.require_consistent()
     return result
@@ -235,8 +240,8 @@ def _value(kind: Any, value: Any, entry: DocKey) -> Any:
         return {inner[0](key): _value(inner[1], item, entry) for key, item in value.items()}
     if kind is int and isinstance(value, float) and not value.is_integer():
         raise OptionError(argument=entry.key, expected="a whole number", got=value)
-    if kind in (int, float) and not isinstance(value, str | bool):
-        return kind(_filled(value, entry.default))
+    if kind in (int, float) and not isinstance(number := _filled(value, entry.default), str | bool | NoneType):
+        return kind(number)
     if kind in _READERS:
         return _READERS[kind](value)
     reader = getattr(kind, "from_dict", None)
@@ -290,16 +295,21 @@ def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str
     return {name: plain(getattr(result, name), finite=finite) for name in names.split()}
 
 
+@cache
+def _encoder(escaped: bool, separator: str) -> Callable[[Any], str]:
+    return json.JSONEncoder(allow_nan=False, ensure_ascii=escaped, separators=(separator, ": ")).encode
+
+
 def indented_json(value: Any, *, escaped: bool = False, level: int = 0) -> str:
     """Return the text of `json.dumps(value, indent=1, allow_nan=False)`, three times as fast, because numbers without
     containers among them are encoded together. If `escaped` is true, the text is ASCII."""
-    encode = partial(json.dumps, allow_nan=False, ensure_ascii=escaped)
+    encode = _encoder(escaped, ", ")
     items = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
     if not items:
         return encode(value)
     ends, inner = "\n" + level * " ", "\n" + (level + 1) * " "
     if not any(issubclass(kind, dict | list | tuple) for kind in set(map(type, items))):
-        text = encode(value, separators=("," + inner, ": "))
+        text = _encoder(escaped, "," + inner)(value)
         return text[0] + inner + text[1:-1] + ends + text[-1]
     parts, marks = [indented_json(item, escaped=escaped, level=level + 1) for item in items], "[]"
     if isinstance(value, dict):

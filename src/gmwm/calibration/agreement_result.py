@@ -11,7 +11,7 @@ from typing import Any, Literal
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.results import Difference, DifferenceTests
-from gmwm.base.text import TEXT_WIDTH, round_text
+from gmwm.base.text import TEXT_WIDTH, Named, round_text
 from gmwm.calibration.tables import bullet, fitting_tables, key, number, wrap_text
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.values import Reference
@@ -304,10 +304,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         """Return a number by its index or by its name, such as "gyro_x.N"."""
         if not isinstance(index, str):
             return self.rows[index]
-        for row in self.rows:
-            if f"{row.axis}.{row.symbol}" == index:
-                return row
-        raise KeyError(f"no {index!r}; there are {', '.join(f'{row.axis}.{row.symbol}' for row in self.rows)}")
+        return Named(((f"{row.axis}.{row.symbol}", row) for row in self.rows), "number")[index]
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -257,7 +257,7 @@ def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
     for candidate in ranking.distinct:
         if candidate.difference <= EQUIVALENT_DIFFERENCE and not candidate.recommended:
             model = candidate.fit.model
-            terms = {t: p for t, p in zip(model.terms, model.processes, strict=True) if p.scale > 0}
+            terms = {t: p for t, p in model.by_term.items() if p.scale > 0}
             if any(is_walk(process, sheet.rate) for process in terms.values()):
                 continue
             times = {term: process.correlation_time(sheet.rate) or 0.0 for term, process in terms.items()}
@@ -272,7 +272,7 @@ def averaged_intervals(
 ) -> dict[str, tuple[float, float]]:
     """Return parameters' intervals, widened by the model choice as those of numbers that follow from one alone."""
     rate, widened = fit.wavelet_variance.rate, dict(intervals)
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         for number in process.physical(rate) if process.scale > 0 else ():
             if len(number.slopes) != 1:
                 continue

@@ -319,7 +319,7 @@ def _poorly_known(axis: str, axis_calibration: AxisCalibration) -> Remark:
     fit, needed = axis_calibration.fit, axis_calibration.needed
     lines = {
         f"{term}.{process.scale_parameter().name}": name_in_text(term, process)
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
         if process.oscillation() is not None
     }
     parameters = tuple(lines.get(name, name) for name in needed)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark, texts
-from gmwm.base.text import Summarised, round_text, table_with_rule
+from gmwm.base.text import Named, Summarised, round_text, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
 from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import wrap_text
@@ -142,10 +142,7 @@ class ReferenceCheck(Documented, Summarised):
 
     def __getitem__(self, name: str) -> ReferenceNumber:
         """Return a number by its name, such as "gyro_x.N"."""
-        for row in self.rows:
-            if f"{row.axis}.{row.symbol}" == name:
-                return row
-        raise KeyError(f"no {name!r}; there are {', '.join(f'{row.axis}.{row.symbol}' for row in self.rows)}")
+        return Named(((f"{row.axis}.{row.symbol}", row) for row in self.rows), "number")[name]
 
     def of(self, *verdicts: Verdict) -> tuple[ReferenceNumber, ...]:
         """Return the numbers with one of these verdicts."""

@@ -219,7 +219,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     from gmwm.theory.processes.equivalence import likeness
 
     model, remarks = gmwm.Model.parse(found["model"]), []
-    processes = dict(zip(model.terms, model.processes, strict=True))
+    processes = model.by_term
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         remarks.append(Remark.of("term-zero", case="pilot", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}

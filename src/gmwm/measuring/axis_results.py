@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
-from functools import partial, wraps
-from types import MappingProxyType
+from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import FrozenMappings, Vector, as_rate
 from gmwm.base.errors import DataError
 from gmwm.base.results import Plotted
 from gmwm.base.text import Summarised
@@ -27,7 +26,7 @@ Several = TypeVar("Several", covariant=True)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class AxisResults(Summarised, Plotted, Mapping[str, T]):
+class AxisResults(FrozenMappings, Summarised, Plotted, Mapping[str, T]):
     """Mapping of axis to result. A subclass has one field, the mapping, and `noun` for one of its results."""
 
     noun = "result"
@@ -35,11 +34,7 @@ class AxisResults(Summarised, Plotted, Mapping[str, T]):
     def __post_init__(self) -> None:
         if not self._results:
             raise DataError(argument=self._field, expected=f"the {self.noun} of at least one axis", got=self._results)
-        object.__setattr__(self, self._field, MappingProxyType(dict(self._results)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
-        return partial(type(self), **{self._field: dict(self._results)}), ()
+        super().__post_init__()
 
     def __getitem__(self, axis: str) -> T:
         try:

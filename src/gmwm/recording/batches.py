@@ -7,12 +7,14 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from gmwm.base.arrays import Vector, freeze
+from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
+from gmwm.base.text import with_article
 from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import si_unit
@@ -127,6 +129,23 @@ def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
         if k or not continues:
             one.gap()
         one.update(values)
+
+
+def require_following(part: Any, following: Any, *alike: str) -> None:
+    """Raise OptionError unless an accumulator begins where `part` ends, and the attributes `alike` are equal."""
+    if not isinstance(following, type(part)):
+        raise OptionError(argument="following", expected=with_article(type(part).__name__), got=following)
+    for name in alike:
+        value, other = getattr(part, name), getattr(following, name)
+        if value != other:
+            raise OptionError(
+                f"both parts must have the same {name}; got {value!r} and {other!r}", argument=name, got=other
+            )
+    if following.start != part.stop:
+        raise OptionError(
+            f"the following part must begin with sample {part.stop}, where this part ends; it begins with sample "
+            f"{following.start}", argument="start", got=following.start, advice="Pass {--start} when the part is made.",
+        )  # fmt: skip
 
 
 class Batches:

@@ -1,12 +1,18 @@
-"""Consecutive samples of a recording, as they are read from a file."""
+"""Consecutive samples of a recording: as they are read from a file, or those of a recording in memory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from gmwm.base.arrays import Vector
+from gmwm.base.remarks import Remark
+from gmwm.base.time_base import TimeBase
+
+if TYPE_CHECKING:
+    from gmwm.recording.signals import Imu
 
 MINIMUM_SAMPLES = 8
 """Smallest number of samples of a segment that is read, for three wavelet levels. Pinned by tests/test_cuts.py."""
@@ -82,3 +88,29 @@ class Samples:
                     start=time + (self.first + a - sample) / self.rate,
                     temperature=None if self.temperature is None else self.temperature[part],
                 )
+
+
+def samples_of(imu: Imu, axes: Sequence[str]) -> Samples:
+    """Return the samples of some axes of a recording in memory."""
+    first = imu.signals[axes[0]]
+    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
+    values = {axis: imu.signals[axis].values for axis in axes}
+    return Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
+
+
+def with_samples(imu: Imu, part: Samples, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
+    """Return a recording with other samples and additional remarks."""
+    first, (begins, ends, starts) = imu.signals[next(iter(part.values))], zip(*part.ranges(), strict=True)
+    signals = {
+        axis: replace(
+            imu.signals[axis], values=values, rate=part.rate, start=starts[0], starts=starts, filled=0,
+            segments=tuple(zip(begins, ends, strict=True)), gaps_known=first.gaps_known or len(first.segments) == 1,
+        )
+        for axis, values in part.values.items()
+    }  # fmt: skip
+    return replace(imu, signals=signals, remarks=(*imu.remarks, *remarks), time_base=base, temperature=part.temperature)
+
+
+def time_base_of(imu: Imu) -> TimeBase:
+    """Return the time base of a recording in memory."""
+    return imu.time_base or TimeBase(imu.rate, start=imu.signals[imu.axes[0]].start)

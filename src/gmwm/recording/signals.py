@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, as_rate, as_vector, freeze, runs_of
+from gmwm.base.arrays import FrozenMappings, Vector, as_rate, as_vector, freeze, runs_of
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase, begins_of, times_of
 from gmwm.base.units import AXES, SI_UNIT, Quantity, axis_quantity, parse_unit, require_measurable, si_unit
-from gmwm.recording.chunks import Samples
+from gmwm.recording.chunks import samples_of, time_base_of, with_samples
 from gmwm.recording.time_ranges import cut, kept_ranges
 
 if TYPE_CHECKING:
@@ -256,7 +256,7 @@ class Signal(Plotted):
 
 
 @dataclass(frozen=True, eq=False)
-class Imu(Plotted, Tabular):
+class Imu(FrozenMappings, Plotted, Tabular):
     """A recording of several axes with one time base.
 
     Parameters
@@ -380,10 +380,6 @@ class Imu(Plotted, Tabular):
             signals[axis] = Signal(values=vector, rate=rate, unit=si, axis=axis, start=start, segments=segments)
         return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, but a dict can.
-        return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
-
     @overload
     def __getitem__(self, axis: Quantity | list[str] | tuple[str, ...] | slice) -> Imu: ...  # type: ignore[overload-overlap]
     @overload
@@ -489,19 +485,11 @@ class Imu(Plotted, Tabular):
         >>> part.segments, part["gyro_x"].starts
         (((0, 30), (30, 70)), (2.0, 6.0))
         """
-        first = self[self.axes[0]]
-        runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-        values = {axis: signal.values for axis, signal in self.signals.items()}
-        samples = Samples(values, self.rate, first=0, segment=0, runs=runs, temperature=self.temperature)
-        parts = cut(samples, self.time_base or TimeBase(self.rate, start=first.start), kept_ranges(start, stop, skip))
+        parts = cut(samples_of(self, self.axes), time_base_of(self), kept_ranges(start, stop, skip))
         if parts is None:
             return self
         part, base, remark = parts
-        begins, ends, starts = zip(*part.ranges(), strict=True)
-        clock = {"start": starts[0], "segments": tuple(zip(begins, ends, strict=True)), "starts": starts}
-        signals = {axis: replace(self[axis], values=part.values[axis], filled=0, **clock) for axis in self.axes}
-        remarks = (*self.remarks, remark)
-        return replace(self, signals=signals, remarks=remarks, time_base=base, temperature=part.temperature)
+        return with_samples(self, part, base, [remark])
 
     def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
         """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet, .mcap or .imu.

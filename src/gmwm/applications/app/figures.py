@@ -181,7 +181,7 @@ def axis_at(fit: Fit, term: str, to: tuple[float, float], session: Session) -> P
     """Return the process of a term after its handle was dragged, with its values held fixed. Its curve goes through
     `to` (time, value); a correlation time changes in proportion to the horizontal position."""
     wv = fit.wavelet_variance
-    process = dict(zip(fit.model.terms, fit.model.processes, strict=True))[term]
+    process = fit.model.by_term[term]
     shown = view_for(wv, session.view, session.units)
     (old, _), (time, height) = _place(fit, term, shown), to
     values = {}

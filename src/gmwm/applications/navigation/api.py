@@ -200,7 +200,7 @@ class BudgetAxis:
                 curve = FitCurve.of(source)
             except GmwmError:
                 curve = None
-            terms = dict(zip(source.model.terms, source.model.processes, strict=True))
+            terms = source.model.by_term
             return cls(
                 axis, _present(axis, terms, wv.rate), wv.rate, curve, wavelet_variance=wv, longest=float(wv.tau[-1]) / 2
             )
@@ -209,7 +209,7 @@ class BudgetAxis:
         if rate is None:
             raise OptionError(argument="rate", expected="the sampling rate (Hz), because a model has none", got=rate)
         rate = as_rate(rate)
-        return cls(axis, _present(axis, dict(zip(model.terms, model.processes, strict=True)), rate), rate)
+        return cls(axis, _present(axis, model.by_term, rate), rate)
 
     def remarks(self, duration: float) -> tuple[Remark, ...]:
         """Return remarks if the duration (s) exceeds the recording, or if the state space of a term is approximate."""

@@ -24,7 +24,7 @@ from gmwm.choosing.datasheets.effective import (
 )
 from gmwm.choosing.datasheets.entry import Datasheet, Entry
 from gmwm.choosing.datasheets.limits import measurable, plausible
-from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, free_shape, is_weak
+from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, is_weak
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
@@ -58,7 +58,7 @@ class _Judged:
     def weak(self, term: str, process: Process) -> bool:
         """Return whether a term cannot be distinguished from zero; False for terms with free shape parameters."""
         scale = process.scale_parameter()
-        if free_shape(process) or process.is_fixed(scale.name) or self.intervals is None:
+        if not process.shape_is_fixed or process.is_fixed(scale.name) or self.intervals is None:
             return False
         return is_weak(self.fit, f"{term}.{scale.name}", scale, self.z)
 
@@ -169,7 +169,7 @@ def model_datasheet(fit: Fit, level: float) -> Datasheet:
     }
     if changes:
         remarks.append(Remark.of("numbers-from-curve", axis, numbers=tuple(changes), factor=max(changes.values())))
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         numbers, remark = _of_term(judged, term, process)
         entries += [_beside(entry, entries) for entry in numbers]
         remarks += [remark] if remark else []
@@ -201,7 +201,7 @@ def _beside(entry: Entry, entries: list[Entry]) -> Entry:
 def _of_term(judged: _Judged, term: str, process: Process) -> tuple[list[Entry], Remark | None]:
     """Return the datasheet numbers of one term, or a remark with the reason why there are none."""
     wv, name = judged.fit.wavelet_variance, name_in_text(term, process)
-    if process.scale == 0 and free_shape(process):
+    if process.scale == 0 and not process.shape_is_fixed:
         return [], Remark.of("no-number", wv.axis, case="term", term=name, because="zero", process="")
     if other := judged.fit.diagnostics.acts_as.get(term):
         return [], Remark.of("no-number", wv.axis, case="term", term=name, because="acts", process=other)

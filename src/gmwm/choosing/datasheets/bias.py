@@ -16,7 +16,6 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, allan_limit
-from gmwm.fitting.estimation.intervals import free_shape
 from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE, columns_of, relative_jacobian
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import square_root
@@ -50,12 +49,12 @@ class FitCurve:
         """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
-        processes = dict(zip(model.terms, model.processes, strict=True))
+        processes = model.by_term
         names, _ = columns_of(model, {})
         unseen = [
             p.with_scale(1.0)
             for p in model.processes
-            if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and not free_shape(p)
+            if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and p.shape_is_fixed
         ]
         columns = [p.wavelet_variance(design.levels, design.rate, design.filter) for p in unseen]
         root = square_root(fit.weighting_matrix)

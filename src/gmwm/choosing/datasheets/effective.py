@@ -430,7 +430,7 @@ def numbers_at(
         numbers = filter_numbers(model.processes, rate, seconds)
         times = {
             f"T_c of {term}": process.correlation_time(rate)
-            for term, process in zip(model.terms, model.processes, strict=True)
+            for term, process in model.by_term.items()
             if process.parametrises is not None
         }
         rows.append({fit.condition: float(condition), "N": numbers.N, "K": numbers.K, **times})

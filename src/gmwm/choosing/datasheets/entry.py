@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Vector
+from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Tabular
@@ -187,7 +188,7 @@ def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
+class Datasheet(FrozenArrays, Documented, Tabular, Mapping[str, Entry]):
     """Datasheet numbers of one axis: a mapping of symbol to `Entry`. The numbers are in SI units and can be converted.
 
     Attributes
@@ -223,6 +224,9 @@ class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
     """
 
     shares: ClassVar[tuple[str, ...]] = ("level",)
+    document_keys = (
+        "axis", "unit", "model", "samples", "rate", "level", "entries", "averaging_time", "allan_deviation", "remarks",
+    )  # fmt: skip
 
     entries: tuple[Entry, ...]
     axis: str
@@ -298,25 +302,6 @@ class Datasheet(FrozenArrays, Tabular, Mapping[str, Entry]):
     def _head(self) -> str:
         axis = f"{self.axis}: " if self.axis else ""
         return f"{axis}{self.model}, {self.samples} samples at {self.rate:g} Hz, {100 * self.level:g} % intervals"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the datasheet as plain values for JSON."""
-        return {
-            "axis": self.axis, "unit": self.unit, "model": self.model, "samples": self.samples, "rate": self.rate,
-            "level": self.level, "entries": [entry.to_dict() for entry in self.entries],
-            "averaging_time": self.averaging_time.tolist(), "allan_deviation": self.allan_deviation.tolist(),
-            "remarks": [remark.to_dict() for remark in self.remarks],
-        }  # fmt: skip
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
-        """Restore a datasheet from `values`, the result of `to_dict`."""
-        fields = dict(values)
-        fields["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
-        fields["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
-        for name in ("averaging_time", "allan_deviation"):
-            fields[name] = np.array(values[name], dtype=np.float64)
-        return cls(**fields)
 
     def __repr__(self) -> str:
         return f"Datasheet({self.axis or 'unnamed'}: {'; '.join(str(entry) for entry in self.entries)})"

@@ -88,7 +88,7 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     """Return the choice with a damped oscillator fitted beside the spectrum's terms; None if the test rejects it."""
     wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
     required = [
-        term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and _is_held(term)
+        term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and term.shape_is_fixed
     ]
     shaped = any(isinstance(term, Lagged) for term in required)
     model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
@@ -100,7 +100,7 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
         fit = nearly_fitted(model, wv, options.weighting)
     except GmwmError:
         return None
-    oscillator = next(process for process in fit.model.processes if process.name == OSC.name and not _is_held(process))
+    oscillator = next(p for p in fit.model.processes if p.name == OSC.name and not p.shape_is_fixed)
     bound = Distance.of(fit).surely
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
         return None
@@ -144,11 +144,6 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
 def _unit(rows: Matrix) -> Matrix:
     length = np.linalg.norm(rows, axis=1, keepdims=True)
     return rows / np.where(length > 0, length, 1.0)
-
-
-def _is_held(process: Process) -> bool:
-    """Return whether every parameter is fixed that changes the shape of the wavelet variance."""
-    return all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
 
 
 def _from_spectrum(
@@ -329,7 +324,7 @@ def _is_accepted(ranking: Ranking) -> bool:
 def _has_filter(fit: Fit) -> bool:
     """Return whether a term is so fast that it may describe the low-pass filter of the sensor."""
     return any(
-        process.scale > 0 and not _is_held(process) and fast_part.acts_as_filter(process, fit)
+        process.scale > 0 and not process.shape_is_fixed and fast_part.acts_as_filter(process, fit)
         for process in fit.model.processes
     )
 

@@ -138,7 +138,7 @@ def names_of(processes: Iterable[Process]) -> Counter[str]:
 def shown_by(fit: Fit) -> Counter[str]:
     """Return the structure of a fit without zero terms; a term that acts as another process counts as it."""
     shown, acted = Counter[str](), set[str]()
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         if term in fit.diagnostics.acts_as:
             acted.add(fit.diagnostics.acts_as[term])
         elif term not in fit.diagnostics.not_supported:

@@ -123,9 +123,7 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
     return [
         process.moments(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
-        if process.scale == 0
-        and not process.is_fixed(process.scale_parameter().name)
-        and all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+        if process.scale == 0 and not process.is_fixed(process.scale_parameter().name) and process.shape_is_fixed
     ]
 
 
@@ -142,7 +140,7 @@ def standard_errors(fit: Fit) -> dict[str, float]:
 def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str, str]) -> dict[str, str]:
     """Return the reason why each parameter that is not in `errors` has no standard error."""
     why = {}
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             if name in errors:

@@ -137,7 +137,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     offset = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance does not determine the sign of a drift; the sign of an AR coefficient is estimated.
-    signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
+    signed = {f"{t}.{p.scale_parameter().name}" for t, p in fit.model.by_term.items()}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])
     estimates, objectives = np.empty((len(variances), len(free))), np.empty(len(variances))
     implied = np.empty_like(variances)

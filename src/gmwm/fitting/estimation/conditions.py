@@ -356,14 +356,14 @@ def _check(
         if term not in model.terms:
             raise OptionError(argument="varies", expected=f"terms of the model ({', '.join(model.terms)})", got=term)
     for term, link in links.items():
-        names = [p.name for p in model.processes[model.terms.index(term)].nonlinear_parameters()]
+        names = [p.name for p in model.by_term[term].nonlinear_parameters()]
         if names != [link.name] or shaped != (model.terms.index(term),):
             raise OptionError(
                 f"varies: {term}.{link.name} must be the only free shape of the model", argument="varies", got=term,
                 advice="Hold the shapes of the other terms with `fixed(…)`.",
             )  # fmt: skip
     for term in functions:
-        process = model.processes[model.terms.index(term)]
+        process = model.by_term[term]
         if model.terms.index(term) not in linear or process.scale_parameter().scale_power != 1:
             raise OptionError(
                 f"varies: only the variance of a term with a known shape can vary; {term} has a free or "

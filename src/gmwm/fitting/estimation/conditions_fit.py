@@ -146,11 +146,11 @@ class ConditionsFit(Summarised, Plotted):
         model, (functions, links, _) = next(iter(self.models.values())), parse_varies(self.varies)
         for term, link in links.items():
             a, b = (self.estimates[f"{term}.{link.name} ({name})"].value for name in "ab")
-            process = link.at(model.processes[model.terms.index(term)], a + b * condition)
+            process = link.at(model.by_term[term], a + b * condition)
             model = model.with_values({f"{term}.{link.name}": process.value(link.name)})
         values = {}
         for term, varied in functions.items():
-            name = f"{term}.{model.processes[model.terms.index(term)].scale_parameter().name}"
+            name = f"{term}.{model.by_term[term].scale_parameter().name}"
             values[name] = sum(
                 self.estimates[f"{name} ({function.text})"].value * float(function.of(np.array([float(condition)]))[0])
                 for function in varied.functions

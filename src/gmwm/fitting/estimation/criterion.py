@@ -133,7 +133,7 @@ def _derivatives(fit: Fit, levels: Integers, rate: float, filter: WaveletFilter,
     """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         if process.scale == 0:
             continue
         free = [

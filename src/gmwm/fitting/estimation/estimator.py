@@ -10,7 +10,7 @@ from typing import Any, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import as_vector
+from gmwm.base.arrays import as_vector, require_rate
 from gmwm.base.errors import DataError, FitWarning, ModelError, OptionError
 from gmwm.base.reporting import warn
 from gmwm.fitting.estimation.conditions import fit_conditions
@@ -335,11 +335,7 @@ def _measure(
     if asked.terms:
         wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
     elif isinstance(data, WaveletVariance):
-        if rate is not None and rate != data.rate:
-            raise OptionError(
-                argument="rate", expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)", got=rate,
-                advice="Leave {--rate} out.",
-            )  # fmt: skip
+        require_rate(rate, data.rate, "wavelet variance")
         wv = _as_measured(data, robust, efficiency)
         if find_filter(moments).lags and wv.filter != find_filter(moments).name:
             raise OptionError(

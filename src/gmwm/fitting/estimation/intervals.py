@@ -18,7 +18,6 @@ from gmwm.fitting.estimation.weighting import no_noise, precision
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.covariance import Design, covariances
 from gmwm.recording.options import as_confidence, one_of
-from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.parameter import Parameter
 from gmwm.theory.processes.validation import as_seed
@@ -121,12 +120,12 @@ def _intervals(
         two_sided = _asymptotic(fit, level, covariance)
     intervals = {}
     z = NormalDist().inv_cdf((1 + level) / 2)
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             if process.is_fixed(parameter.name):
                 continue
-            if parameter.scale_power and not free_shape(process) and is_weak(fit, name, parameter, z):
+            if parameter.scale_power and process.shape_is_fixed and is_weak(fit, name, parameter, z):
                 limit = upper_limit(fit, term, parameter, level)
                 intervals[name] = (-limit if parameter.domain == "real" else 0.0, limit)
             else:
@@ -141,28 +140,18 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
         return fit
     limits, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
     errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             if process.is_fixed(parameter.name):
                 continue
             limits.setdefault(name, (0.0, math.inf))
-            if (
-                parameter.scale_power
-                and name in errors
-                and not free_shape(process)
-                and is_weak(fit, name, parameter, z)
-            ):
+            if parameter.scale_power and name in errors and process.shape_is_fixed and is_weak(fit, name, parameter, z):
                 high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
                 limits[name] = (-high if parameter.domain == "real" else 0.0, high)
     quick = copy(fit)
     quick.__dict__["_intervals"] = {key: limits}
     return quick
-
-
-def free_shape(process: Process) -> bool:
-    """Return whether a shape parameter of a process is free."""
-    return any(not process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
 
 
 def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
@@ -193,7 +182,7 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
     """Return the parameters of a model, by name."""
     return {
         f"{term}.{parameter.name}": parameter
-        for term, process in zip(model.terms, model.processes, strict=True)
+        for term, process in model.by_term.items()
         for parameter in process.parameters
     }
 
@@ -252,7 +241,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     """Return the upper limit c = ĉ + z SE(c) of a scale, where a smaller estimate has the probability (1 − level)/2. c
     times the process's curve is at most each level's upper chi-square limit, at (1 − level)/(2J)."""
     wv = fit.wavelet_variance
-    process = fit.model.processes[fit.model.terms.index(term)]
+    process = fit.model.by_term[term]
     name = f"{term}.{parameter.name}"
     z = NormalDist().inv_cdf((1 + level) / 2)
     shape = process.with_values(**{parameter.name: process.value_from(1.0)}).wavelet_variance(

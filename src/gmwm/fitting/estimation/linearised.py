@@ -65,7 +65,7 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
     """Return the names of the estimated parameters, and the set of those that are reported. Of a term that acts as
     another process, the shape is not estimated and the scale is not reported."""
     columns, reported = [], set()
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         if process.scale == 0:
             continue
         for parameter in process.parameters:

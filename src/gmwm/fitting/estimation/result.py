@@ -130,7 +130,7 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         problem, solution = settled.problem, settled.solution
         processes = model_of(problem, solution, wv.slope).processes
         model = Model(processes).sorted(wv.rate)
-        label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
+        label = {id(process): term for term, process in model.by_term.items()}
         terms = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
         free = (*problem.linear, *problem.shaped)
         acts_as = {name: term.acts_as for name, term in sorted(terms.items()) if term.acts_as is not None}
@@ -181,7 +181,7 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
         """Names of the shape parameters of terms that are estimated as zero. The data do not determine their values."""
         return tuple(
             f"{term}.{parameter.name}"
-            for term, process in zip(self.model.terms, self.model.processes, strict=True)
+            for term, process in self.model.by_term.items()
             if term in self.diagnostics.not_supported
             for parameter in process.nonlinear_parameters()
             if not process.is_fixed(parameter.name)
@@ -323,7 +323,7 @@ def _of_terms(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
 ) -> Iterator[Remark]:
     """Yield remarks about terms that act as another process, terms that are zero, and the parameters of other terms."""
-    processes = dict(zip(model.terms, model.processes, strict=True))
+    processes = model.by_term
     for term, name in acts_as.items():
         like = likeness(
             processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix

@@ -229,7 +229,7 @@ def _shares(model: ModelLike, wv: WaveletVariance, used: Booleans) -> tuple[list
         warnings.simplefilter("ignore", FitWarning)
         result = fit(model, wv, certify=False)
     errors, parts = result.sandwich.errors, {}
-    for name, process in zip(result.model.terms, result.model.processes, strict=True):
+    for name, process in result.model.by_term.items():
         scale = f"{name}.{process.scale_parameter().name}"
         # Least ratio of a scale parameter to its standard error; the slope of a weaker term is too uncertain.
         if scale in errors and abs(result.parameters[scale]) > 4.0 * errors[scale]:

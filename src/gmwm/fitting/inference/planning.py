@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, freeze
+from gmwm.base.arrays import FrozenMappings, Matrix, Vector, as_number, as_rate, freeze
 from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -88,7 +88,7 @@ NONE = PlannedGaps()  # no gaps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Plan(Summarised, Plotted):
+class Plan(FrozenMappings, Summarised, Plotted):
     """Relative standard errors of the estimates of a model for recordings of different lengths.
 
     Attributes
@@ -131,14 +131,6 @@ class Plan(Summarised, Plotted):
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
         for array in (self.durations, *self.errors.values()):
             freeze(array)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
-        build = partial(
-            Plan, model=self.model, rate=self.rate, weighting=self.weighting, durations=self.durations,
-            errors=dict(self.errors), unit=self.unit, losses=self.losses,
-        )  # fmt: skip
-        return build, ()
 
     @property
     def duration(self) -> float:
@@ -413,7 +405,7 @@ def _free(model: Model, rate: float) -> int:
     """Return the number of free parameters; raises ModelError if a parameter has no value or a term is zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
-        for term, process in zip(model.terms, model.processes, strict=True)
+        for term, process in model.by_term.items()
         if not process.is_complete
     }
     if missing:
@@ -427,7 +419,7 @@ def _free(model: Model, rate: float) -> int:
         )
     zero = [
         term
-        for term, process in zip(model.terms, model.processes, strict=True)
+        for term, process in model.by_term.items()
         if process.scale == 0 and not process.is_fixed(process.scale_parameter().name)
     ]
     if zero:

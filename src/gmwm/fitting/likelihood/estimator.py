@@ -248,12 +248,12 @@ def _as_fit(problem: LikelihoodProblem, found: Maximum) -> LikelihoodFit:
     value, level = problem.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
     for label, k in drifts.items():
-        process = best.processes[best.terms.index(label)]
+        process = best.by_term[label]
         best = best.with_values({f"{label}.{process.scale_parameter().name}": float(level.values[k])})
     names, covariance = _covariance(problem, found, best, level)
     order = best.sorted(problem.rate)
-    ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
-    renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
+    ordered = {id(p): t for t, p in order.by_term.items()}
+    renamed = {t: ordered[id(p)] for t, p in best.by_term.items()}
     labels = [f"{renamed[term]}.{parameter}" for term, _, parameter in (name.rpartition(".") for name in names)]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
@@ -285,7 +285,7 @@ def _remarks(
         yield Remark.of("term-zero", axis, case="fit", term=term)
     if not converged:
         yield Remark.of("not-converged", axis)
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         if process.scale > 0 and term not in acts_as:
             remarks = process.remarks(term, problem.record.observed, problem.rate)
             yield from (remark.about(axis) for remark in remarks)
@@ -296,7 +296,7 @@ def _level(problem: LikelihoodProblem, level: RegressionEstimate, best: Model) -
     """Return the estimated mean of the recording and its standard error; None if it is known or part of a random walk.
     If the variance of the random walk is estimated as zero, its constant level is the mean."""
     if problem.mean is None:
-        zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
+        zero = {term for term, process in best.by_term.items() if process.scale == 0}
         for k, regressor in enumerate(problem.regressors):
             if regressor.flat and regressor.label in {LEVEL, *zero}:
                 error = math.sqrt(max(float(level.covariance[k, k]), 0.0))
@@ -328,7 +328,7 @@ def _covariance(
     active = list(found.active)
     turned = jacobian(problem, best)
     names, rows = [], []
-    for term, process in zip(best.terms, best.processes, strict=True):
+    for term, process in best.by_term.items():
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"
             row = turned.get(name)
@@ -352,7 +352,7 @@ def _covariance(
             covariance[unknown, unknown] = np.inf
     for k, regressor in enumerate(problem.regressors):
         if not regressor.flat:
-            process = best.processes[best.terms.index(regressor.label)]
+            process = best.by_term[regressor.label]
             names.append(f"{regressor.label}.{process.scale_parameter().name}")
             covariance = np.block(
                 [[covariance, np.zeros((len(covariance), 1))], [np.zeros((1, len(covariance))), level.covariance[k, k]]]

@@ -13,7 +13,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import counted, p_relation
-from gmwm.fitting.estimation.intervals import Interval, about, free_shape, parameters_by_name
+from gmwm.fitting.estimation.intervals import Interval, about, parameters_by_name
 from gmwm.fitting.estimation.summary import (
     ParameterRow,
     no_intervals,
@@ -49,13 +49,13 @@ def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method
             continue
         value, error = fit.parameters[name], errors.get(name)
         term = name.rpartition(".")[0]
-        process = fit.model.processes[fit.model.terms.index(term)]
+        process = fit.model.by_term[term]
         scale = parameter.scale_power is not None and parameter.domain == "positive"
         weak = scale and (error is None or z * (parameter.scale_power or 1.0) * error >= value)
         gone = term in fit.diagnostics.not_supported
-        if gone and (not scale or free_shape(process)):
+        if gone and (not scale or not process.shape_is_fixed):
             intervals[name] = _domain(parameter)
-        elif (method == "profile" or (weak and not free_shape(process))) and profile.has(name):
+        elif (method == "profile" or (weak and process.shape_is_fixed)) and profile.has(name):
             intervals[name] = profile.interval(name, parameter)
         elif error is None or not math.isfinite(error):
             intervals[name] = _domain(parameter)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, as_vector, freeze
-from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.arrays import Matrix, Vector, as_number, as_rate, as_vector, freeze, require_rate
+from gmwm.base.errors import DataError, MissingTheoryError, ModelError
 from gmwm.base.text import counted
 from gmwm.fitting.likelihood.system import (
     FreeCoordinate,
@@ -78,11 +78,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None) -> Record:
     """Make a recording for the Kalman filter: gaps become missing samples by time stamps (1 if the clock was set back),
     as do NaN and masked values of an array."""
     if isinstance(data, Signal):
-        if rate is not None and as_rate(rate) != data.rate:
-            raise OptionError(
-                argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate,
-                advice="Leave {--rate} out.",
-            )  # fmt: skip
+        require_rate(rate, data.rate)
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
         raise DataError(

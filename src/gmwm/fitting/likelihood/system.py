@@ -85,7 +85,7 @@ def _certain(space: StateSpace) -> bool:
 def assemble(model: Model, rate: float) -> System:
     """Assemble the state space of the random terms; raises MissingTheoryError if a term has none."""
     blocks, at = [], 0
-    for label, process in zip(model.terms, model.processes, strict=True):
+    for label, process in model.by_term.items():
         require_state(process)
         space = process.state_space(rate)
         if _certain(space) and is_ramp(process, rate):
@@ -113,7 +113,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
     """Return the regressors of a model: unknown levels, and drifts whose slope is free."""
     levels, ramps = [], []
     level = mean is None
-    for label, process in zip(model.terms, model.processes, strict=True):
+    for label, process in model.by_term.items():
         if is_ramp(process, rate):
             if not process.is_fixed(process.scale_parameter().name):
                 course = type(process).standard(process.nonlinear).mean(np.arange(samples))

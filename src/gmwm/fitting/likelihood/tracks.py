@@ -252,7 +252,7 @@ def _add_known(problem: LikelihoodProblem, system: System, found: dict[str, tupl
     elif problem.centre:
         found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
     random = {block.label for block in system.blocks}
-    for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
+    for label, process in problem.model.by_term.items():
         if label not in random:
             course = process.mean(np.arange(bias.size))
             found[label] = (np.asarray(course, dtype=np.float64), np.zeros(bias.size))

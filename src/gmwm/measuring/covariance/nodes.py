@@ -185,7 +185,7 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
     shapes, scales = [], []
     for process in present:
         # Shapes do not depend on scales: compared models share fixed ones, and fits, covariances and limits others.
-        fixed = _has_fixed_shape(process)
+        fixed = process.shape_is_fixed
         if not fixed and at.lag.size > MOST_CACHED // 2:
             shapes.append(process.coefficient_covariance(at, rate))
             scales.append(1.0)
@@ -203,14 +203,9 @@ def shapes_at(present: list[Process], at: LagGrid, rate: float) -> tuple[list[Ve
     return shapes, scales
 
 
-def _has_fixed_shape(process: Process) -> bool:
-    """Return whether every parameter that changes the shape of the process is fixed."""
-    return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
-
-
 def _exponential_part(process: Process, rate: float) -> tuple[float, float] | None:
     """Return the variance and the decay λ of an autocovariance e^(−λ|k|), if the process has one; otherwise None."""
-    terms = None if _has_fixed_shape(process) else exponential_sum(process, rate)
+    terms = None if process.shape_is_fixed else exponential_sum(process, rate)
     if (
         terms is None
         or terms.decays.size != 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from threading import Lock
 from typing import Any, Literal
@@ -91,15 +91,24 @@ def inspect(
 
 
 def with_gravity(inspections: list[Inspection]) -> list[Inspection]:
-    """Return the inspections of parts of a recording, with gravity in the first if several have accelerometers."""
+    """Return the inspections of parts of a recording, with gravity in the first if several have accelerometers, and
+    with the axes in remarks on gaps."""
     axes = {axis: item for part in inspections for axis, item in part.axes.items()}
-    if len(inspections) < 2 or any(part.gravity is not None for part in inspections):
+    if len(inspections) < 2:
+        return inspections
+    inspections = [replace(part, remarks=tuple(_about_axes(part))) for part in inspections]
+    if any(part.gravity is not None for part in inspections):
         return inspections
     gravity, _ = _specific_force(axes)
     positions = any(remark.facts.get("case") == "positions" for part in inspections for remark in part.remarks)
-    remarks = findings.of_gravity(None if positions else gravity, _turning(axes, gravity))
+    remarks = findings.of_gravity(None if positions else gravity, axes, _turning(axes, gravity))
     first, *others = inspections
     return [replace(first, gravity=gravity, remarks=(*first.remarks, *remarks)), *others]
+
+
+def _about_axes(part: Inspection) -> Iterator[Remark]:
+    for remark in part.remarks:
+        yield from map(remark.about, part.axes) if remark.code == "gaps" else (remark,)
 
 
 def inspect_with(recording: Imu | Streamed, conditions: Conditions) -> Inspection:
@@ -238,12 +247,13 @@ class RecordingStatistics:
         }
         remarks = (
             *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
+            *findings.of_copies(axes),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
             *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
             *findings.of_swings(swings, self._units),
             *findings.of_trends(trends, self._units, extent, self._base.left > 0),
-            *findings.of_gravity(None if parts else gravity, _turning(axes, gravity)),
+            *findings.of_gravity(None if parts else gravity, axes, _turning(axes, gravity)),
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),

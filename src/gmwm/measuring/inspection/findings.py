@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, moment, round_text
 from gmwm.base.time_base import TimeBase, lost_samples
-from gmwm.base.units import STANDARD_GRAVITY, noise_unit, usual_unit
+from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, noise_unit, usual_unit
 from gmwm.measuring.regression.result import per
 
 if TYPE_CHECKING:
@@ -62,6 +62,13 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
     for axis, finding in stuck.items():
         if finding is not None:
             yield Remark.of("axis-stuck", axis, time=Quantity(finding[0], "s"), share=finding[1])
+
+
+def of_copies(axes: Mapping[str, AxisInspection]) -> Iterator[Remark]:
+    """Yield remarks on axes that have the same samples, and so the same statistics, as another axis."""
+    for axis, item in axes.items():
+        if twin := next((other for other in axes if other != axis and axes[other] == item and item.noise > 0), None):
+            yield Remark.of("noise-shared", axis, case="copy", reference=twin, numbers=("all numbers",))
 
 
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
@@ -266,7 +273,9 @@ def round_up(seconds: float) -> float:
     return math.ceil(seconds / step) * step
 
 
-def of_gravity(gravity: float | None, turning: str | None = None) -> Iterator[Remark]:
+def of_gravity(
+    gravity: float | None, axes: Mapping[str, AxisInspection], turning: str | None = None
+) -> Iterator[Remark]:
     """Yield a remark if the norm of the mean specific force (m/s²) differs from gravity, which an axis `turning` of a
     gyroscope has instead."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
@@ -276,6 +285,9 @@ def of_gravity(gravity: float | None, turning: str | None = None) -> Iterator[Re
         # Offsets of 100 mg and 3 % of scale (low-cost parts) change gravity by 15 %; beyond, the unit may be wrong.
         if turning is not None:
             yield Remark.of("unit-doubtful", turning, case="exchanged", norm=norm)
+        # With a wrong unit, gravity is still far above the noise.
+        elif gravity < 3 * math.hypot(*(item.sd for item in axes.values() if item.unit == SI_UNIT["accel"])):
+            yield Remark.of("unit-contradicted", case="removed", norm=norm)
         elif abs(error) > 0.15:
             yield Remark.of("unit-doubtful", "accel", case="gravity", norm=norm, expected=expected)
         else:

@@ -224,9 +224,11 @@ class Likelihood:
         shapes = slice(1, None) if settles else slice(1)
         places, times, courses, squares = _changes(self.z.size + 1, first)
         taken = (courses[shapes] @ (self.grid.weights[: _WALKS.size] * self.z).T) ** 2 / squares[shapes]
-        values = self._minus2(self._flat[: _WALKS.size] - taken, self.grid.logs[: _WALKS.size])
-        best = np.argmin(np.min(values, axis=2), axis=1)
-        values = self.with_one(courses[shapes][np.arange(best.size), best]).values
+        # For each shape and model, the place that explains most is the best one.
+        values = self._minus2(self._flat[: _WALKS.size] - np.max(taken, axis=1), self.grid.logs[: _WALKS.size])
+        rows = np.arange(len(values))
+        best = np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)
+        values = self.with_one(courses[shapes][rows, best]).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         gain = float(np.min(self.without().values) - values[model, shape])
         return gain, float(places[best[shape]]), float(times[shapes][shape]), self.grid.weights[model]

@@ -288,8 +288,8 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
         largest = part[np.argmax(np.abs(part))]
         # Beside a pulse, noise that is larger by chance does not hide it.
         most = max(_ALONE, largest_ratio[k] / limit)
-        wide = np.count_nonzero(part / largest > 0.5) > 2 and np.sum(part) / largest > 2.5
-        chosen[k] = wide and _beside(level, first, last + 1) < most
+        wide = np.count_nonzero(np.abs(part / largest) > 0.5)
+        chosen[k] = wide > (2 if np.sum(part) / largest > 2.5 else 3) and _beside(level, first, last + 1) < most
     # t noise with three degrees of freedom has (5.5/3.5)³ times as many beyond 3.5, and popcorn noise lasting changes.
     count, gaussian = np.count_nonzero(chosen), 4.7e-4 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,6 +90,7 @@ MARGIN, LEAST = 1.0, 8
 length of the knock, and its smallest number of samples (tests/outliers/test_cleaning.py, as the next two constants)."""
 LONGEST = 30.0  # longest time (s) that is replaced, including the margins of the knock
 MOST = 0.15  # largest share of the samples that is replaced, as `bursts.RARE`
+KINDS = ("large", "small", "pulses")  # disturbances in the order of the search
 _BESIDE = 32  # smallest number of samples on each side of a knock from which its samples are replaced during the search
 
 
@@ -108,11 +110,15 @@ def cleaned(x: Signal) -> Cleaned:
     spikes = find_spikes(x)
     # Replaced samples are not at multiples of the step.
     signal, step = repaired(x, spikes), lsb(x.values) or 0.0
-    knocks = _knocks(signal.values, x.rate, step)
+    knocks, hidden = _knocks(signal.values, x.rate, step), False
+    if len(spikes) and not knocks.size:
+        # The largest samples of short pulses can look like spikes.
+        hidden = True
+        knocks = _knocks(x.values, x.rate, step, ("pulses",))
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes, and spikes within knocks hide the knocks.
         before, spikes = spikes, find_spikes(replace(x, values=_mirror(x.values, knocks)))
-        if not np.all(np.isin(before.indices, spikes.indices)):
+        if not hidden and not np.all(np.isin(before.indices, spikes.indices)):
             knocks = _knocks(repaired(x, spikes).values, x.rate, step)
             spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
         present = np.ones(len(x), dtype=np.bool_)
@@ -132,29 +138,30 @@ def cleaned(x: Signal) -> Cleaned:
     )  # fmt: skip
 
 
-def _knocks(values: Vector, rate: float, step: float) -> Ranges:
+def _knocks(values: Vector, rate: float, step: float, kinds: tuple[str, ...] = KINDS) -> Ranges:
     """Return the index ranges of the knocks."""
     length = panel_length(rate)
-    panels = [_of_panel(values[begin : begin + length], rate, step) + begin for begin in range(0, values.size, length)]
+    begins = range(0, values.size, length)
+    panels = [_of_panel(values[begin : begin + length], rate, step, kinds) + begin for begin in begins]
     ranges = _union(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
     return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
 
 
-def _of_panel(values: Vector, rate: float, step: float) -> Ranges:
+def _of_panel(values: Vector, rate: float, step: float, kinds: tuple[str, ...]) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
-    ranges = _ranges_of(("large", "small", "pulses"), values, rate, step)
+    ranges = _ranges_of(kinds, values, rate, step)
     if np.sum(ranges[:, 1] - ranges[:, 0]) > MOST * values.size:
         # At coarse levels, pulses every few seconds look like one burst. Longer knocks need their margins.
-        pulses = _ranges_of(("pulses", "large", "small"), values, rate, step)
+        pulses = _ranges_of(sorted(kinds, key="pulses".__ne__), values, rate, step)
         if pulses.size and np.max(pulses[:, 1] - pulses[:, 0]) < 150:
             return pulses
-        return _ranges_of(("large", "small", "pulses"), values, rate, step, margin=MARGIN / 4)
+        return _ranges_of(kinds, values, rate, step, margin=MARGIN / 4)
     return ranges
 
 
 def _ranges_of(
-    kinds: tuple[str, ...], values: Vector, rate: float, step: float, margin: float = MARGIN
+    kinds: Sequence[str], values: Vector, rate: float, step: float, margin: float = MARGIN
 ) -> Ranges:  # fmt: skip
     """Return the index ranges of disturbances, searched in this order, with margins as a multiple of their length."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)

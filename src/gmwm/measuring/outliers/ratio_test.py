@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector, as_whole_number
+from gmwm.base.arrays import Booleans, FrozenArrays, Vector, as_vector, as_whole_number, require_rate
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Quantity, Remark, texts
@@ -418,8 +418,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
             f"the two wavelet variances are of different recordings: their {what} differ", argument="x", got=what,
             advice="Compute both wavelet variances from the same recording.",
         )  # fmt: skip
-    if rate is not None and rate != robust.rate:
-        raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
+    require_rate(rate, robust.rate, "pair")
     return classical, robust
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector
+from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_rate
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.measuring.regression.against import HOUR_S, TIME, WARM_UP, Asked
@@ -229,8 +229,7 @@ def regressed_variance(
         )
     if not isinstance(data, Signal):
         data = Signal(as_vector(data, "data"), as_rate(rate))
-    if rate is not None and rate != data.rate:
-        raise OptionError(argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate)
+    require_rate(rate, data.rate)
     covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), data)
     regression = regress(data, covariates)
     residuals = without(data, regression, covariates)

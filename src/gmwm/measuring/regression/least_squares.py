@@ -54,8 +54,8 @@ class RegressionDesign:
         """Return the mask of used coefficients: complete, or at coarse levels with half the values in both halves."""
         half = 1 << (level - 1)
         if level <= self.complete_levels:
-            return np.asarray(_counted(self.present, 2 * half) == 2 * half)
-        counts = _counted(self.present, half)
+            return np.asarray(_sums(self.present, 2 * half) == 2 * half)
+        counts = _sums(self.present, half)
         mask = np.asarray((2 * counts[half:] >= half) & (2 * counts[:-half] >= half))
         for restart in self.restarts:
             mask[max(restart - 2 * half + 1, 0) : restart] = False
@@ -69,7 +69,7 @@ class RegressionDesign:
     @cached_property
     def residual_masks(self) -> list[np.ndarray]:
         """For each level, mask of the coefficients that are used for the wavelet variance of the residuals."""
-        return [_counted(self.whole, 1 << j) == 1 << j for j in range(1, self.levels + 1)]
+        return [_sums(self.whole, 1 << j) == 1 << j for j in range(1, self.levels + 1)]
 
     @cached_property
     def counts(self) -> Vector:
@@ -259,12 +259,6 @@ def haar(values: Matrix, level: int) -> Matrix:
 def _sums(values: Matrix, width: int) -> Matrix:
     """Return the sums of `width` consecutive values along the first axis."""
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    return np.asarray(sums[width:] - sums[:-width])
-
-
-def _counted(present: np.ndarray, width: int) -> np.ndarray:
-    """Return the number of values in each window of `width` times."""
-    sums = np.concatenate([[0], np.cumsum(present)])
     return np.asarray(sums[width:] - sums[:-width])
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_vector
+from gmwm.base.documents import Documented, fields_of
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.results import Plotted
@@ -45,7 +46,7 @@ class Points(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coefficient:
+class Coefficient(Documented):
     """One coefficient of a regression.
 
     Attributes
@@ -61,6 +62,7 @@ class Coefficient:
     unit: str
     freedom: float
     pvalue: float
+    document_keys = ("value", "standard_error=error", "unit", "df=freedom", "pvalue", "interval")
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """Return the interval (low, high) at the level `confidence` from Student's t distribution, in `unit`."""
@@ -69,7 +71,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
+class Regression(FrozenArrays, Documented, Summarised, Plotted, Mapping[str, Coefficient]):
     """Regression of one axis on conditions: a mapping from the names of the columns to their coefficients.
 
     Attributes
@@ -123,6 +125,11 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
     points: Points
     applied: bool = True
     coarse: tuple[float, float, float] | None = None
+    document_keys = (
+        "axis", "unit", "against", "coefficients=_coefficients", "covariance", "statistic", "df=freedom", "pvalue",
+        "references", "ranges", "knots=_knots", "mean", "tau", "tau_error", "block", "rate", "kept", "share", "points",
+        "applied", "coarse",
+    )  # fmt: skip
 
     def __getitem__(self, name: str) -> Coefficient:
         names = list(self)
@@ -287,48 +294,22 @@ class Regression(FrozenArrays, Summarised, Plotted, Mapping[str, Coefficient]):
             lines.append(f"  zero at {at}; blocks of {duration_text(self.block)}")
         return "\n".join(lines)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the regression as numbers, lists and strings for JSON."""
-        return {
-            "axis": self.axis, "unit": self.unit, "against": self.against,
-            "coefficients": {
-                name: {
-                    "value": coefficient.value, "standard_error": coefficient.error, "unit": coefficient.unit,
-                    "df": coefficient.freedom, "pvalue": coefficient.pvalue, "interval": list(coefficient.interval()),
-                }
-                for name, coefficient in self.items()
-            },
-            "covariance": self.covariance.tolist(),
-            "statistic": self.statistic, "df": self.freedom, "pvalue": self.pvalue,
-            "references": dict(self.references), "ranges": {name: list(values) for name, values in self.ranges.items()},
-            "knots": {name: list(values) for name, values in self.basis.knots.items()},
-            "mean": self.mean, "tau": self.tau, "tau_error": self.tau_error, "block": self.block, "rate": self.rate,
-            "kept": self.kept.tolist(), "share": self.share.tolist(),
-            "points": {name: getattr(self.points, name).tolist() for name in ("at", "before", "after")},
-            "applied": self.applied,
-            "coarse": None if self.coarse is None else list(self.coarse),
-        }  # fmt: skip
+    def _coefficients(self) -> dict[str, Coefficient]:
+        return dict(self)
+
+    def _knots(self) -> Mapping[str, tuple[float, ...]]:
+        return self.basis.knots
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Regression:
         """Create a regression from `content`, the result of `to_dict`."""
         knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
         terms = tuple(map(CovariateTerm.parse, content["against"].split("+")))
-        coefficients = list(content["coefficients"].values())
-        coarse = content["coarse"]
+        coefficients = content["coefficients"].values()
         return cls(
-            axis=content["axis"], unit=content["unit"], basis=Basis(terms, content["references"], knots),
+            basis=Basis(terms, content["references"], knots),
             estimates=tuple(float(entry["value"]) for entry in coefficients),
-            covariance=np.array(content["covariance"], dtype=np.float64),
-            freedoms=tuple(float(entry["df"]) for entry in coefficients),
-            statistic=content["statistic"], freedom=content["df"], pvalue=content["pvalue"],
-            ranges={name: (float(low), float(high)) for name, (low, high) in content["ranges"].items()},
-            mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
-            rate=content["rate"],
-            kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
-            points=Points(**{name: np.array(at, dtype=np.float64) for name, at in content["points"].items()}),
-            applied=content["applied"],
-            coarse=None if coarse is None else (float(coarse[0]), float(coarse[1]), float(coarse[2])),
+            freedoms=tuple(float(entry["df"]) for entry in coefficients), **fields_of(cls, content),
         )  # fmt: skip
 
     def __repr__(self) -> str:

@@ -8,13 +8,14 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Vector, as_rate, as_vector
+from gmwm.base.arrays import Vector, as_rate, as_vector, require_rate
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.axis_results import by_axis, rate_of_array
 from gmwm.measuring.spectrum.peaks import find_peaks
 from gmwm.measuring.spectrum.result import PowerSpectra, PowerSpectrum
 from gmwm.measuring.spectrum.welch import Detrend, Periodograms, degrees_of_freedom, one_sided_density, periodograms
+from gmwm.recording.batches import require_following
 from gmwm.recording.options import as_confidence, one_of
 from gmwm.recording.repairs.moving_average import moving_average
 from gmwm.recording.signals import Imu, Signal
@@ -142,20 +143,7 @@ class SpectrumAccumulator(OneAtATime):
 
         Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
-        if not isinstance(following, SpectrumAccumulator):
-            raise OptionError(argument="following", expected="a SpectrumAccumulator", got=following)
-        for name in ("rate", "length", "detrend", "unit"):
-            value, other = getattr(self, name), getattr(following, name)
-            if value != other:
-                raise OptionError(
-                    f"both parts must have the same {name}; got {value!r} and {other!r}", argument=name, got=other
-                )
-        if following.start != self.stop:
-            raise OptionError(
-                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
-                f"sample {following.start}",
-                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
-            )  # fmt: skip
+        require_following(self, following, "rate", "length", "detrend", "unit")
         self._fold()
         following._fold()
         return self._join(following)
@@ -357,11 +345,7 @@ def psd(
     as_confidence(confidence)
     segments: list[Vector]
     if isinstance(x, Signal):
-        if rate is not None and as_rate(rate) != x.rate:
-            raise OptionError(
-                f"the rate of the signal is {x.rate:g} Hz; got {rate:g} Hz", argument="rate", got=rate,
-                advice="Leave {--rate} out.",
-            )  # fmt: skip
+        require_rate(rate, x.rate)
         signal = x.fill_gaps() if fill_gaps else x
         segments, rate, unit, axis = signal.segment_values(), x.rate, x.unit, x.axis
     else:

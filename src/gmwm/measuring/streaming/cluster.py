@@ -22,14 +22,13 @@ from gmwm.base.time_base import lost_samples
 from gmwm.files.readers.builder import RowSummary
 from gmwm.files.readers.parts import Part, PartReader
 from gmwm.files.readers.streams import FileRows, Stream
-from gmwm.measuring.streaming.passes import AxisCurves, Change, measure
+from gmwm.measuring.streaming.passes import AxisCurves, Change, Feeding, measure
 from gmwm.measuring.streaming.scheduling import connect
 from gmwm.measuring.variance.accumulate import WaveletAccumulator
-from gmwm.measuring.variance.open_segments import SegmentedAccumulator, exact_levels
+from gmwm.measuring.variance.open_segments import exact_levels
 from gmwm.measuring.variance.second_pass import SecondPass
 from gmwm.recording.batches import Batch, gather
 from gmwm.recording.gaps import is_short
-from gmwm.recording.signals import Signal
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -110,28 +109,12 @@ def _unpack(packed: bytes) -> Any:
     return pickle.loads(zlib.decompress(packed))
 
 
-@dataclass(frozen=True, eq=False)
-class _PartMeasurement:
-    """The measurement of one axis of a part, in one of the two passes."""
-
-    one: SegmentedAccumulator
-    change: Change | None
-
-    def clean(self, signal: Signal) -> Signal:
-        """Apply the change to the samples of a batch."""
-        return signal if self.change is None else self.change(signal)
-
-    def update(self, signal: Signal, continues: bool) -> None:
-        """Add samples."""
-        self.one.feed(signal, continues)
-
-
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     """Measure a part in a worker; return an error in the file, because Dask would repeat the work if it were raised."""
     reader = PartReader(part)
     axes = {axis: create(part.first) for axis, create in begin.axes.items()}
     try:
-        measured = {axis: _PartMeasurement(accumulator, begin.changes[axis]) for axis, accumulator in axes.items()}
+        measured = {axis: Feeding(accumulator.feed, begin.changes[axis]) for axis, accumulator in axes.items()}
         batches = gather(reader.samples(), tuple(axes), part.found.rate)
         measure(batches if begin.prepare is None else map(begin.prepare, batches), measured, threads=1)
     except GmwmError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gmwm.base.errors import DataError, OptionError
@@ -38,6 +39,21 @@ class Measurement(Protocol):
 
     def update(self, signal: Signal, continues: bool, /) -> None:
         """Add samples. Some of them may replace lost samples, and they may continue the last segment."""
+
+
+class Feeding(NamedTuple):
+    """Measurement by a function that takes the samples, such as `feed`; `change` is applied to every batch."""
+
+    feed: Callable[[Signal, bool], None]
+    change: Change | None = None
+
+    def clean(self, signal: Signal) -> Signal:
+        """Apply the change to the samples of a batch."""
+        return signal if self.change is None else self.change(signal)
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add samples."""
+        self.feed(signal, continues)
 
 
 def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threads: int | None = None) -> None:
@@ -225,19 +241,5 @@ def stream_psd(
         axis: SpectrumAccumulator(stream.rate, length=length, detrend=detrend, unit=si_unit(axis), axis=axis)
         for axis in stream.axes
     }
-    measure(Batches(stream, done), {axis: _Spectrum(accumulator) for axis, accumulator in measured.items()})
+    measure(Batches(stream, done), {axis: Feeding(partial(feed, one)) for axis, one in measured.items()})
     return PowerSpectra(spectra=in_threads(lambda _, accumulator: accumulator.result(confidence), measured))
-
-
-class _Spectrum(NamedTuple):
-    """Measurement of the spectrum of one axis."""
-
-    one: SpectrumAccumulator
-
-    def clean(self, signal: Signal) -> Signal:
-        """Return the samples unchanged."""
-        return signal
-
-    def update(self, signal: Signal, continues: bool) -> None:
-        """Add samples."""
-        feed(self.one, signal, continues)

@@ -23,6 +23,7 @@ from gmwm.measuring.variance.robust import RobustVariances, robust_variances, un
 from gmwm.measuring.variance.second_pass import SecondPass, sum_request
 from gmwm.measuring.variance.segment_state import LARGEST_SUM, SegmentState, as_count
 from gmwm.measuring.variance.sketch import SKETCH_COLLECTOR, Counts, SketchCoefficients, Sketches
+from gmwm.recording.batches import require_following
 from gmwm.recording.chunks import MINIMUM_SAMPLES
 from gmwm.recording.signals import Signal
 
@@ -93,7 +94,7 @@ class WaveletAccumulator(SegmentedAccumulator):
 
         Raises OptionError if `following` does not begin where this part ends, or was made with other options.
         """
-        self._require_following(following, "rate", "exact", "levels", "unit", "robust")
+        require_following(self, following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
         joint.axis = self.axis or following.axis
         joint._append(following)

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.arrays import Booleans, Vector
+from gmwm.base.arrays import Booleans, Vector, require_rate
 from gmwm.base.documents import Documented
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.remarks import Remark, texts
@@ -19,7 +19,6 @@ from gmwm.base.text import Summarised, with_article
 from gmwm.base.units import datasheet_units, find_unit, noise_unit
 from gmwm.measuring.variance.allan import allan_variance
 from gmwm.measuring.variance.clusters import ClusterVariance
-from gmwm.measuring.variance.phase import contradicting_rate
 from gmwm.recording.options import one_of
 from gmwm.recording.signals import Signal
 
@@ -236,8 +235,8 @@ def avlr(
             f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}", argument="x", got=x,
             advice="Use `gmwm.allan_variance`.",
         )  # fmt: skip
-    if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
-        raise contradicting_rate(rate, allan.rate, "curve")
+    if isinstance(x, ClusterVariance):
+        require_rate(rate, allan.rate, "curve")
     requested = list(terms)
     for term in (*requested, *(ranges or {})):
         if term not in LAWS:

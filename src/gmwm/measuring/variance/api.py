@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, as_rate, as_vector, require_finite
+from gmwm.base.arrays import Matrix, Vector, as_vector, require_finite, require_rate
 from gmwm.base.errors import DataError, OptionError
 from gmwm.measuring.axis_results import by_axis, chi_square_limits, rate_of_array
 from gmwm.measuring.variance.biweight import require_robust
@@ -20,7 +20,7 @@ from gmwm.measuring.variance.coefficients import (
     PlainCoefficients,
     PooledCoefficients,
 )
-from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
+from gmwm.measuring.variance.phase import SCALE_DOWN, TOO_LARGE
 from gmwm.measuring.variance.result import WaveletVariance, WaveletVariances
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.robust import RobustVariances, robust_variances, unrejected
@@ -137,8 +137,7 @@ def wavelet_variance(
         segments = [as_vector(cast(ArrayLike, x), "x", finite=False)]
         rate = rate_of_array(rate)
     else:
-        if rate is not None and as_rate(rate) != signal.rate:
-            raise contradicting_rate(rate, signal.rate, "signal")
+        require_rate(rate, signal.rate)
         signal = signal.fill_gaps() if fill_gaps else signal
         segments = signal.segment_values()
         rate = signal.rate

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector, as_vector, as_whole_number
-from gmwm.base.errors import OptionError
-from gmwm.base.text import with_article
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState, Statistics, StatisticsCollector
@@ -198,25 +196,6 @@ class SegmentedAccumulator(OneAtATime):
             self._held.gap()
         else:
             self._end_segment()
-
-    def _require_following(self, following: object, *alike: str) -> None:
-        """Raise OptionError unless `following` begins where this part ends and has equal attributes `alike`."""
-        if not isinstance(following, type(self)):
-            raise OptionError(argument="following", expected=with_article(type(self).__name__), got=following)
-        for name in alike:
-            if getattr(self, name) != getattr(following, name):
-                raise OptionError(
-                    f"both parts must have the same {name}; got {getattr(self, name)!r} and "
-                    f"{getattr(following, name)!r}",
-                    argument=name,
-                    got=getattr(following, name),
-                )
-        if following.start != self.stop:
-            raise OptionError(
-                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
-                f"sample {following.start}",
-                argument="start", got=following.start, advice="Pass {--start} when the part is made.",
-            )  # fmt: skip
 
     def _take_state(self, other: Self) -> None:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""

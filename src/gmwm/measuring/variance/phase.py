@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Vector, as_vector, require_finite
+from gmwm.base.arrays import Vector, as_vector, require_finite, require_rate
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.units import find_unit
 from gmwm.measuring.axis_results import rate_of_array
@@ -53,8 +53,7 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
     line from the rate too, against rounding in third differences."""
     one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
-        if rate is not None and rate != x.rate:
-            raise contradicting_rate(rate, x.rate, "signal")
+        require_rate(rate, x.rate)
         values, rate, unit, axis = x.fill_gaps().whole(), x.rate, x.unit, x.axis
     else:
         values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), rate_of_array(rate), "", ""
@@ -76,14 +75,6 @@ def phase_of(x: Any, rate: float | None, data: Data, *, straighten: bool = False
         require_finite(values, "x")
         raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, data=data, octaves=sums)
-
-
-def contradicting_rate(rate: float, expected: float, owner: str) -> OptionError:
-    """Return the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
-    return OptionError(
-        f"the rate of {rate:g} Hz contradicts the {owner}, which has {expected:g} Hz", argument="rate", got=rate,
-        advice="Leave {--rate} out.",
-    )  # fmt: skip
 
 
 def _rate_unit(unit: str) -> str:

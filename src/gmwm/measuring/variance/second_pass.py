@@ -23,6 +23,7 @@ from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.measuring.variance.rise import WinsorisedRise
 from gmwm.measuring.variance.robust import RobustVariances, criterion_of, robust_variances
 from gmwm.measuring.variance.sketch import SketchCoefficients
+from gmwm.recording.batches import require_following
 
 if TYPE_CHECKING:
     from gmwm.measuring.variance.accumulate import WaveletAccumulator
@@ -218,7 +219,7 @@ class SecondPass(SegmentedAccumulator):
     @one_at_a_time
     def merge(self, following: SecondPass) -> SecondPass:
         """Merge the part that directly follows; raises OptionError if it does not, or belongs to another first pass."""
-        self._require_following(following, "exact", "levels", "efficiency")
+        require_following(self, following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
             if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
                 raise OptionError(

@@ -14,9 +14,9 @@ from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
-from gmwm.recording.chunks import Samples
+from gmwm.recording.chunks import Samples, samples_of, time_base_of, with_samples
 from gmwm.recording.repairs.moving_average import moving_average
-from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
+from gmwm.recording.repairs.stage import Stage
 from gmwm.recording.resolution import step_of
 from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import cut_base

@@ -85,9 +85,11 @@ class RepairPlan:
         """Return masks of the samples, numbered from `first`, that repeat, are frozen, or are interpolated."""
         masks = dict[str, Mask]()
         if self.repeats is not None and self.repeats.chance is not None:
-            outputs = [values[axis] for axis in self.axes]
+            chance, count = self.repeats.chance, len(self.repeats.chance.roughness)
+            # Sensors, or single axes, that hold values alike have one plan.
+            groups = [[values[axis] for axis in self.axes[k : k + count]] for k in range(0, len(self.axes), count)]
             name = "frozen" if self.repeats.kind == "frozen" else "repeated"
-            masks[name] = beyond_chance(outputs, repeats(outputs, begins), self.repeats.chance, first)
+            masks[name] = np.any([beyond_chance(x, repeats(x, begins), chance, first) for x in groups], axis=0)
         elif self.repeats is not None:
             same = repeats([values[axis] for axis in self.axes], begins)
             exact = self.repeats.exact and self.repeats.by_chance

@@ -12,11 +12,11 @@ from gmwm.base.arrays import Vector, freeze
 from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed, batches
-from gmwm.recording.chunks import Samples
+from gmwm.recording.chunks import Samples, samples_of, time_base_of, with_samples
 from gmwm.recording.repairs.averages import SteepFilter, averaged, steep_filters
 from gmwm.recording.repairs.plan import RepairPlan, plans_of
 from gmwm.recording.repairs.repeats import Indices
-from gmwm.recording.repairs.stage import Stage, samples_of, time_base_of, with_samples
+from gmwm.recording.repairs.stage import Stage
 from gmwm.recording.signals import Imu
 from gmwm.recording.time_ranges import cut_base
 

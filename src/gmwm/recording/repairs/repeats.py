@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, runs_of
+from gmwm.base.arrays import Vector, row_medians, runs_of
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
@@ -151,7 +151,7 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
 def is_slow(levels: Vector) -> bool:
     """Return whether most changes of the output are of one step, so that a slow signal stays at one value."""
     sizes = np.abs(np.diff(levels))
-    return bool(np.median(sizes) <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
+    return bool(row_medians(sizes[None])[0] <= 1.5 * np.quantile(sizes[sizes > 0], 0.01))
 
 
 def _common_multiple(lengths: Indices) -> int:
@@ -243,7 +243,7 @@ def _by_chance(axes: Sequence[Vector], starts: Indices, roughness: tuple[float, 
     """Return the probability that the sample after each of `starts` is equal on all axes by chance: how often the value
     returns after another one nearby, and for rare values its frequency."""
     chance = np.ones(starts.size)
-    for values, rough in zip(axes, roughness, strict=True):
+    for values, rough in zip(axes, roughness, strict=False):  # a plan can be for some of the axes
         _, value = np.unique(values, return_inverse=True)
         ends = np.flatnonzero(values[1:] != values[:-1])
         returns = ends[:-1][values[np.minimum(ends[:-1] + 2, values.size - 1)] == values[ends[:-1]]]

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Streamed
-from gmwm.recording.chunks import Samples
-from gmwm.recording.signals import Imu, Signal
 
 
 class Stage:
@@ -34,30 +31,3 @@ class Stage:
     def time_base(self) -> TimeBase:
         """Properties of the time stamps; after an iteration those of the samples that were kept."""
         return self._base or self._stream.time_base
-
-
-def samples_of(imu: Imu, axes: Sequence[str]) -> Samples:
-    """Return the samples of some axes of a recording in memory."""
-    first = imu.signals[axes[0]]
-    runs = tuple((begin, time) for (begin, _), time in zip(first.segments, first.starts, strict=True))
-    values = {axis: imu.signals[axis].values for axis in axes}
-    return Samples(values, imu.rate, first=0, segment=0, runs=runs, temperature=imu.temperature)
-
-
-def with_samples(imu: Imu, part: Samples, base: TimeBase, remarks: Sequence[Remark]) -> Imu:
-    """Return a recording with other samples and additional remarks."""
-    first, ranges = imu.signals[next(iter(part.values))], list(part.ranges())
-    signals = {
-        axis: Signal(
-            values=values, rate=part.rate, unit=imu.signals[axis].unit, axis=axis,
-            segments=[(begin, end) for begin, end, _ in ranges], starts=[time for _, _, time in ranges],
-            gaps_known=first.gaps_known or len(first.segments) == 1,
-        )
-        for axis, values in part.values.items()
-    }  # fmt: skip
-    return replace(imu, signals=signals, remarks=(*imu.remarks, *remarks), time_base=base, temperature=part.temperature)
-
-
-def time_base_of(imu: Imu) -> TimeBase:
-    """Return the time base of a recording in memory."""
-    return imu.time_base or TimeBase(imu.rate, start=imu.signals[imu.axes[0]].start)

@@ -129,7 +129,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
     """Yield a remark for each sinusoid and each slow oscillation of an axis, because the file does not include them."""
     wv = fit.wavelet_variance
     unit = wv.unit or "u"
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         if process.line(wv.rate) is None and process.oscillation() is not None:
             yield from (replace(remark, subject=axis) for remark in process.remarks(term, wv.samples, wv.rate))
     for amplitude, frequency, term in lines_of(fit):
@@ -142,7 +142,7 @@ def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
 def of_ramps(calibration: Calibration) -> Iterator[Remark]:
     """Yield a remark for each rate ramp, because the matrices treat its slope as known without error."""
     for axis, fit in calibration.items():
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for term, process in fit.model.by_term.items():
             if is_ramp(process, fit.wavelet_variance.rate):
                 yield Remark.of("ramp-in-matrices", axis, term=term)
 

@@ -233,6 +233,6 @@ def lines_of(fit: Fit) -> list[tuple[float, float, str]]:
     rate = fit.wavelet_variance.rate
     return sorted((
         (math.sqrt(2 * line[0]), process.oscillation() or abs(line[1]) * rate, term)
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
         if (line := process.line(rate)) is not None and process.scale > 0
     ), reverse=True)  # fmt: skip

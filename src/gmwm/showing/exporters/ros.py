@@ -91,7 +91,7 @@ def sample_variance(fit: Fit) -> float:
 
 
 def _noises(fit: Fit) -> list[tuple[str, Process]]:
-    pairs = zip(fit.model.terms, fit.model.processes, strict=True)
+    pairs = fit.model.by_term.items()
     return [(term, p) for term, p in pairs if p.scale > 0 and p.oscillation() is None]
 
 

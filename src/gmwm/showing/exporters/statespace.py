@@ -276,7 +276,7 @@ def _reduced(fit: Fit, options: ExportOptions) -> TwoStates | None:
     rate = fit.wavelet_variance.rate
     slow = {
         term
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
         if process.scale > 0 and process.line(rate) is None and not is_ramp_of(process, rate)
         and ((time := process.correlation_time(rate)) is None or time >= options.horizon)
     }  # fmt: skip

@@ -70,7 +70,7 @@ def cautions(calibration: Calibration) -> list[Remark]:
         for remark in calibration.remarks
         if remark.severity <= Severity.WRONG or remark.code == "unit-contradicted"
     ]
-    pairs = [remark.facts["pairs"] for remark in calibration.remarks if remark.code == "noise-shared"]
+    pairs = [remark.facts["pairs"] for remark in calibration.remarks if "pairs" in remark.facts]
     shared = tuple(dict.fromkeys(str(pair) for some in pairs if isinstance(some, tuple) for pair in some))
     return [Remark.of("noise-shared", case="file", **pairs_facts(shared)), *found] if shared else found
 

@@ -69,7 +69,7 @@ def fit_panel(
     if alone:
         return _with_hidden_terms(panel, terms)
     zero = [
-        name_in_text(term, process) for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        name_in_text(term, process) for term, process in fit.model.by_term.items()
         if not np.any(fit.decomposition[term] > 0)
     ] if decomposition else []  # fmt: skip
     return replace(panel, texts=(*panel.texts, *_zero_text(zero)))
@@ -88,7 +88,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Polyline
     share a curve, and all oscillations. Zero terms share an entry."""
     wv = fit.wavelet_variance
     times = view.time(wv.tau)
-    processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    processes = fit.model.by_term
     strokes = term_strokes(fit.model.terms, fit.model.processes)
     curves = {term: np.asarray(variance) for term, variance in fit.decomposition.items()}
     zero = [term for term, curve in curves.items() if not np.any(curve > 0)]

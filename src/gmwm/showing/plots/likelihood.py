@@ -360,12 +360,12 @@ def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
 
 def _title(tracks: Tracks, label: str, shown: View) -> str:
     if label == BIAS:
-        terms = zip(tracks.model.terms, tracks.model.processes, strict=True)
+        terms = tracks.model.by_term.items()
         parts = [term for term, process in terms if wanders(process, tracks.rate)]
         return f"Bias: {model_text([LEVEL] * (LEVEL in tracks.mean) + parts)}"
     if label == LEVEL:
         return "Level of the record"
-    process = tracks.model.processes[tracks.model.terms.index(label)]
+    process = tracks.model.by_term[label]
     return term_label(label, process, shown, tracks.rate)
 
 

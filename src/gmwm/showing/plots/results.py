@@ -108,7 +108,7 @@ def _strokes(plan: Plan) -> dict[str, Stroke]:
     strokes = {}
     symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
     by_term = term_strokes(plan.model.terms, plan.model.processes)
-    for term, process in zip(plan.model.terms, plan.model.processes, strict=True):
+    for term, process in plan.model.by_term.items():
         for parameter in process.parameters:
             stroke = replace(by_term[term], width=1.3)
             if parameter.scale_power is None:

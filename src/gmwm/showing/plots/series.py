@@ -286,7 +286,7 @@ def plot_components(
     title = f"{name}{less}: {model_text(model.terms)}{steps}"
     rows = [_SignalRow(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, LINE_WIDTH_PT), title)]
     strokes = term_strokes(model.terms, model.processes)
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         outline, stroke = trace(simulated[term], shown.factor, columns), Stroke(strokes[term].colour, LINE_WIDTH_PT)
         rows.append(_SignalRow(outline, stroke, term_label(term, process, shown, signal.rate)))
     panels = _panels(rows, shown)

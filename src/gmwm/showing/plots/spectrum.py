@@ -89,9 +89,9 @@ def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, al
     model = as_model(given)
     strokes = term_strokes(model.terms, model.processes)
     total, terms, oscillations = np.zeros(f.size), [], np.zeros(f.size)
-    lines = [term for term, process in zip(model.terms, model.processes, strict=True) if process.line(rate) is not None]
+    lines = [term for term, process in model.by_term.items() if process.line(rate) is not None]
     many = len(lines) > MOST_SINUSOIDS
-    for term, process in zip(model.terms, model.processes, strict=True):
+    for term, process in model.by_term.items():
         line = process.line(rate)
         if line is not None:
             # A sinusoid of power P has the density P / (b Δf), bin width Δf and noise bandwidth b of the window.

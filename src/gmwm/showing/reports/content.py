@@ -325,7 +325,7 @@ def _parameters(axis: AxisCalibration) -> list[dict[str, str]]:
     fit = axis.fit
     units = fit.units()
     rows = []
-    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+    for term, process in fit.model.by_term.items():
         of_frequency = f" of {shown}" if (shown := name_in_text(term, process)) != term else ""
         for parameter in process.parameters:
             name = f"{term}.{parameter.name}"

@@ -135,6 +135,11 @@ class Process(HaarTheory, ABC):
         """Whether every parameter has a value."""
         return all(getattr(self, p.name) is not None for p in self.parameters)
 
+    @property
+    def shape_is_fixed(self) -> bool:
+        """Whether every parameter that changes more than the scale is fixed."""
+        return all(self.is_fixed(p.name) for p in self.nonlinear_parameters())
+
     def value(self, name: str) -> float:
         """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
         number: float | None = v.value if isinstance(v := self.__dict__[name], Fixed) else v

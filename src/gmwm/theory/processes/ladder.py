@@ -165,7 +165,7 @@ def state_space_error(process: Process, rate: float) -> float:
 
 def approximation_remarks(model: Model, rate: float, axis: str = "") -> tuple[Remark, ...]:
     """Return a remark on the terms whose state space is an approximation, with the largest error."""
-    named = zip(model.terms, model.processes, strict=True)
+    named = model.by_term.items()
     errors = {term: error for term, process in named if (error := state_space_error(process, rate))}
     if not errors:
         return ()

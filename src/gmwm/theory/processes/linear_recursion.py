@@ -87,7 +87,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Return remarks on roots of estimated polynomials that nearly cancel or are close to the unit circle."""
-        if all(self.is_fixed(p.name) for p in self.nonlinear_parameters()):
+        if self.shape_is_fixed:
             return ()
         *_, period = self.full_orders()
         roots_by_sign: dict[tuple[float, int], NDArray[np.complex128]] = {}

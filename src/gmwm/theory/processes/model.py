@@ -244,15 +244,20 @@ class Model(KalmanMethods):
             labels.append(f"{process.name}[{seen[process.name]}]" if total[process.name] > 1 else process.name)
         return tuple(labels)
 
+    @property
+    def by_term(self) -> dict[str, Process]:
+        """Process of each term, by its label in `terms`."""
+        return dict(zip(self.terms, self.processes, strict=True))
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Labels of all parameters, such as "GM[1].beta" and "WN.sigma2", in the order of the terms."""
-        return tuple(f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters)
+        return tuple(f"{t}.{p.name}" for t, process in self.by_term.items() for p in process.parameters)
 
     @property
     def parameters(self) -> dict[str, float | None]:
         """Value of each parameter by label; None if it is to be estimated."""
-        return {f"{t}.{k}": v for t, process in self._by_label() for k, v in process.values.items()}
+        return {f"{t}.{k}": v for t, process in self.by_term.items() for k, v in process.values.items()}
 
     @property
     def structure(self) -> str:
@@ -265,13 +270,16 @@ class Model(KalmanMethods):
         >>> Model.parse("GM + RW").units("rad/s")
         {'GM.beta': '1/s', 'GM.sigma2': '(rad/s)²', 'RW.gamma2': '(rad/s)² per sample'}
         """
-        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._by_label() for p in process.parameters}
+        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self.by_term.items() for p in process.parameters}
 
     @cached_property
     def fixed_names(self) -> frozenset[str]:
         """Labels of the fixed parameters."""
         return frozenset(
-            f"{t}.{p.name}" for t, process in self._by_label() for p in process.parameters if process.is_fixed(p.name)
+            f"{t}.{p.name}"
+            for t, process in self.by_term.items()
+            for p in process.parameters
+            if process.is_fixed(p.name)
         )
 
     @cached_property
@@ -298,7 +306,7 @@ class Model(KalmanMethods):
                 process.with_values(
                     **{p.name: values[f"{t}.{p.name}"] for p in process.parameters if f"{t}.{p.name}" in values}
                 )
-                for t, process in self._by_label()
+                for t, process in self.by_term.items()
             )
         )
 
@@ -337,7 +345,7 @@ class Model(KalmanMethods):
         {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
         """
         self._require_complete("decomposition")
-        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._by_label()}
+        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self.by_term.items()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
         """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
@@ -399,7 +407,7 @@ class Model(KalmanMethods):
         """Return, for each state of `state_space`, the label of the term to which it belongs; white noise has no
         state."""
         self._require("state_space")
-        return tuple(t for t, process in self._by_label() for _ in range(process.state_space(rate).states))
+        return tuple(t for t, process in self.by_term.items() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
         """Return the state space of the sum in continuous time, in which each term has its own states.
@@ -411,7 +419,7 @@ class Model(KalmanMethods):
         ('QN',)
         """
         self._require("state_space")
-        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._by_label()})
+        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self.by_term.items()})
 
     def has(self, theory: str) -> bool:
         """Return whether every term defines this theory; see `Process.has`."""
@@ -477,12 +485,12 @@ class Model(KalmanMethods):
     ) -> Iterator[tuple[str, NDArray[np.float64]]]:
         self._require("simulate")
         as_paths(n, paths)
-        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._by_label())
+        generator, rate, by_label = as_rng(rng), as_rate(rate), self.by_term
         return ((t, by_label[t].simulate(n, rate, generator, paths)) for t in self.drawing_order())
 
     def drawing_order(self) -> list[str]:
         """Return the labels in the order in which `simulate` draws the terms, sorted by the text of each term."""
-        return [label for _, label in sorted((str(p), t) for t, p in self._by_label())]
+        return [label for _, label in sorted((str(p), t) for t, p in self.by_term.items())]
 
     def __add__(self, other: Process | Model) -> Model:
         if not isinstance(other, (Process, Model, type)):
@@ -527,9 +535,6 @@ class Model(KalmanMethods):
 
     def __repr__(self) -> str:
         return f"Model({str(self)!r})"
-
-    def _by_label(self) -> list[tuple[str, Process]]:
-        return list(zip(self.terms, self.processes, strict=True))
 
     def _sum(self, theory: str, of: Callable[[Process], Vector]) -> Vector:
         self._require(theory)

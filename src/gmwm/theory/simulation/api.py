@@ -7,13 +7,11 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
-from types import MappingProxyType
-from typing import Any, Literal, TypeVar, overload
+from typing import Literal, TypeVar, overload
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, as_rate, as_whole_number
+from gmwm.base.arrays import FrozenMappings, Vector, as_rate, as_whole_number
 from gmwm.base.errors import DataError, GmwmError, ModelError, OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.results import Plotted
@@ -29,7 +27,7 @@ from gmwm.theory.processes.validation import as_rng, as_seed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SimulatedSignal(Plotted):
+class SimulatedSignal(FrozenMappings, Plotted):
     """Simulated signal X_t = offset + Σ_k X_t^(k), with the latent process X^(k) of each term k of the model.
 
     Parameters
@@ -53,17 +51,6 @@ class SimulatedSignal(Plotted):
     model: Model
     offset: float = 0.0
     resolution: float | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "components", MappingProxyType(dict(self.components)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled, so the copy is made from a dict.
-        build = partial(
-            SimulatedSignal, signal=self.signal, components=dict(self.components), model=self.model, offset=self.offset,
-            resolution=self.resolution,
-        )  # fmt: skip
-        return build, ()
 
     def __getitem__(self, term: str) -> Signal:
         try:
@@ -113,7 +100,7 @@ class SimulatedSignal(Plotted):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class SimulatedImu:
+class SimulatedImu(FrozenMappings):
     """A simulated recording with the latent processes of each axis.
 
     Parameters
@@ -126,12 +113,6 @@ class SimulatedImu:
 
     imu: Imu
     axes: Mapping[str, SimulatedSignal]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "axes", MappingProxyType(dict(self.axes)))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return partial(SimulatedImu, imu=self.imu, axes=dict(self.axes)), ()
 
     @property
     def components(self) -> dict[str, Mapping[str, Signal]]:

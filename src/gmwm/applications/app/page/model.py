@@ -317,5 +317,5 @@ def _terms(fit: Fit) -> dict[str, Process]:
     """Return the processes of a fit by term, with values for the held parameters only."""
     return {
         term: process.with_values(**{p.name: None for p in process.parameters if not process.is_fixed(p.name)})
-        for term, process in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, process in fit.model.by_term.items()
     }
