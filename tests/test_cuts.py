@@ -148,8 +148,7 @@ def written(path, clock):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("clock", [0.0, 1.718e9])
-@pytest.mark.parametrize("how", [gmwm.read, gmwm.stream])
+@pytest.mark.parametrize(("clock", "how"), [(0.0, gmwm.read), (1.718e9, gmwm.stream)])
 def test_times_of_knocks_are_those_of_skip(tmp_path, clock, how):
     path = written(tmp_path / "static.csv", clock)
     cuts = [{}, {"start": 50.0}, {"start": 99.0, "stop": 500.0}, {"skip": [(10.0, 20.0), (250.0, 260.0)]}]

@@ -42,7 +42,7 @@ def test_there_are_formulas():
 
 @pytest.mark.slow
 def test_a_picture_is_as_large_as_its_formula():
-    for formula, block in formulas():
+    for formula, block in formulas()[::3]:
         box, ink = box_and_ink(as_svg(formula, block))
         # Letters may lean out at the sides, and are not cut there.
         assert box[0] - UNITS / 8 <= ink[0] < ink[2] <= box[2] + UNITS / 8, formula

@@ -68,15 +68,15 @@ def test_intervals_cover_and_tests_have_their_size():
     rng = np.random.default_rng(2)
     truth = {"WN.sigma2 (1)": 1.0, "WN.sigma2 (rate^2)": 1e-4, "RW.gamma2": 4e-6}
     covers, fits, constants = [], [], []
-    for _ in range(20):
+    for _ in range(15):
         one = gmwm.fit("WN + RW", recordings(rng), varies={"WN": "1 + rate**2"}, certify=False)
         covers.append([low <= truth[n] <= high for n in truth for low, high in [one.estimates[n].interval()]])
         fits.append(one.pvalue)
         still = {rate: gmwm.Signal(drawn(rng, 0.0), 1.0) for rate in RATES}
         constants.append(gmwm.fit("WN + RW", still, varies={"WN": "1 + rate**2"}, certify=False).pvalue_constant)
-    assert np.all(np.mean(covers, axis=0) > 0.74)  # 15 of 20; probability below 0.1 % at 95 %
+    assert np.all(np.mean(covers, axis=0) > 0.72)  # 11 of 15; probability below 0.1 % at 95 %
     for pvalues in (fits, constants):
-        assert sum(p < 0.05 for p in pvalues) <= 4  # probability 0.3 % at a size of 5 %
+        assert sum(p < 0.05 for p in pvalues) <= 3  # probability 0.5 % at a size of 5 %
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ WV = gmwm.wavelet_variance(X, 100.0)
         ("WN + WN", WV, {}, gmwm.errors.ModelError, ("WN",)),
         ("XY + WN", WV, {}, gmwm.errors.ModelError, ("XY",)),
         ("WN", X, {"rate": -250.0}, gmwm.errors.OptionError, ("rate", -250)),
-        ("WN", WV, {"rate": 250.0}, gmwm.errors.OptionError, ("rate", 100, 250.0)),
+        ("WN", WV, {"rate": 250.0}, gmwm.errors.OptionError, ("rate", 100, 250)),
         ("WN", WV, {"weighting": "optmal"}, gmwm.errors.OptionError, ("weighting", "'diagonal'", "'optmal'")),
         ("WN", WV, {"weighting": np.ones(4)}, gmwm.errors.OptionError, ("weighting", "9 x 9", "(4,)")),
         ("WN", WV, {"weighting": np.full(9, np.nan)}, gmwm.errors.OptionError, ("weighting", "9 of 9", "finite")),

@@ -109,7 +109,7 @@ def broken(values, **changes):
         ({"implied": "abc"}, "abc"),
         ({"weighting_matrix": [[1.0]]}, "weighting matrix"),
         ({"decomposition": {}}, "decomposition"),
-        ({"objective": None}, "None"),
+        ({"objective": None}, "null"),
     ],
 )
 def test_values_that_are_not_a_fit_are_refused(fits, changes, fact):

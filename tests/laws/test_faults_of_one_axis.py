@@ -58,7 +58,7 @@ FAULTS: dict[str, Callable[[Samples], Samples]] = {
     "wrong unit": lambda x: 1e4 * x,
     "tiny": lambda x: 1e-160 * x,
 }
-FELT_BY_ALL = ("dead", "frozen", "jump", "motion", "half the rate", "lost samples repeat", "wrong unit")
+FELT_BY_ALL = ("dead", "frozen", "jump", "half the rate", "wrong unit")
 """Faults that another sensor could feel: by the segments, the samples that are lost, gravity or the unit."""
 
 

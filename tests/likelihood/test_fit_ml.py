@@ -329,7 +329,7 @@ def good():
         ("WN", good()[:7], {}, DataError, (8, 7)),
         ("WN", good().reshape(10, 10), {}, DataError, ("data", "(10, 10)")),
         ("WN", good(), {"rate": -1.0}, OptionError, ("rate",)),
-        ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, ("rate", 100, 50.0)),
+        ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, ("rate", 100, 50)),
         ("WN", good(), {"mean": "none"}, OptionError, ("mean", "finite", "'none'")),
         ("WN", good(), {"mean": np.nan}, OptionError, ("mean", "finite", np.nan)),
         ("PL + WN", good(), {"start": "PL(alpha=2.5, nu2=1.0) + WN(sigma2=1.0)"}, MissingTheoryError, ("PL", "0 to 2")),

@@ -47,8 +47,7 @@ def drawn(text, missing, seed=1):
 
 
 @pytest.mark.slow
-@each("missing", MISSING.values())
-@each("mean", [None, 9.5])
+@each(("mean", "missing"), [*((None, missing) for missing in MISSING.values()), (9.5, [*MISSING.values()][-1])])
 @each("kind", ["filter", "smooth"])
 @each("text", MODELS)
 def test_tracks_are_conditional_means_and_deviations(text, kind, mean, missing):

@@ -52,6 +52,26 @@ def test_commas_that_must_be_decimal_signs_are_no_question(tmp_path):
     assert imu["accel_z"].values.mean() == pytest.approx(9.85, rel=1e-2)
 
 
+def test_points_between_thousands_before_a_decimal_comma_are_left_out(tmp_path):
+    """As a spreadsheet with German settings writes numbers."""
+    values = 1000.0 + 2.0 * NOISE
+    time = 999_950 + 10 * np.arange(SIZE)
+
+    def row(k: int) -> str:
+        cells = (f"{time[k]:,.1f}", f"{NOISE[k]:,.4f}", f"{values[k]:,.4f}")
+        return ";".join(cell.replace(",", "#").replace(".", ",").replace("#", ".") for cell in cells)
+
+    path = saved(tmp_path, "time [ms];gyro_x [deg/s];accel_z [mg]", row)
+    imu = gmwm.read(path)
+    assert imu.rate == pytest.approx(RATE)
+    np.testing.assert_allclose(imu["accel_z"].values, values * 9.80665e-3, atol=1e-6)
+    streamed = np.concatenate([chunk.values["accel_z"] for chunk in gmwm.stream(path, chunk=97)])
+    np.testing.assert_array_equal(streamed, imu["accel_z"].values)
+    path.write_text(path.read_text() + "3.000.000,0;0,5;1.005\n")
+    with raises(ReadError, code="decimal-comma"):
+        gmwm.read(path)
+
+
 @pytest.mark.parametrize("blank", ["\f", "\v", " \f ", "\t"])
 def test_a_line_of_form_feeds_is_blank_in_read_and_in_stream(tmp_path, blank):
     rows = [f"{k / RATE:.2f},{NOISE[k]:.6f}" + f"\n{blank}" * (k % 60 == 9) for k in range(SIZE)]

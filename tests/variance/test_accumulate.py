@@ -401,7 +401,7 @@ def brute_force(model, found, samples):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", MODELS)
+@pytest.mark.parametrize("text", MODELS[1::2] + MODELS[-1:])
 def test_the_covariance_is_that_of_the_coefficients_taken(text):
     model, samples = Model.parse(text), 1 << 10
     found = part(model.simulate(samples, RATE, rng=1), 0, exact=6).result()

@@ -14,7 +14,7 @@ from tests.helpers import each, raises
 pywt = pytest.importorskip("pywt")
 every_filter = pytest.mark.parametrize("name", [*FILTERS, "sym5", "db9"])
 loop_over_filter = each("name", [*FILTERS, "sym5", "db9"])
-deterministic = settings(derandomize=True, deadline=None, max_examples=12, database=None)
+deterministic = settings(derandomize=True, deadline=None, max_examples=8, database=None)
 boundaries = pytest.mark.parametrize("boundary", ["periodic", "reflection"])
 loop_over_boundaries = each("boundary", ["periodic", "reflection"])
 both = pytest.mark.parametrize("transform", [modwt, dwt])

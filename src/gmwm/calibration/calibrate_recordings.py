@@ -154,7 +154,7 @@ def needed_lengths(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[
     poor = [name for name, share in zip(fit.sandwich.names, shares, strict=True) if share > CERTAIN_ERROR]
     if not poor or fit.diagnostics.acts_as:
         return dict.fromkeys(poor)
-    terms = [(term, p) for term, p in zip(fit.model.terms, fit.model.processes, strict=True) if p.scale > 0]
+    terms = [(term, p) for term, p in fit.model.by_term.items() if p.scale > 0]
     model = Model(tuple(process for _, process in terms))
     label = {new: old for new, (old, _) in zip(model.terms, terms, strict=True)}
     samples, rate = fit.wavelet_variance.samples, fit.wavelet_variance.rate

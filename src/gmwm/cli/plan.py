@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import gmwm
-from gmwm.base.arrays import Integers, as_rate
+from gmwm.base.arrays import Integers, Matrix, as_rate
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
@@ -19,7 +19,6 @@ from gmwm.cli.output import Outcome, plot_file, progress, tell
 from gmwm.theory.filters import WaveletFilter, find_filter
 
 if TYPE_CHECKING:
-    from gmwm.base.arrays import Matrix
     from gmwm.fitting.inference.planning import Plan
 
 EXAMPLES = (
@@ -219,7 +218,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     from gmwm.theory.processes.equivalence import likeness
 
     model, remarks = gmwm.Model.parse(found["model"]), []
-    processes = dict(zip(model.terms, model.processes, strict=True))
+    processes = model.by_term
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         remarks.append(Remark.of("term-zero", case="pilot", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}

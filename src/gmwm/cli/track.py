@@ -25,7 +25,6 @@ from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
-    from gmwm.cli.model_source import AxisModel
     from gmwm.fitting.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
@@ -237,7 +236,7 @@ def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
     """Yield a remark for each term of the bias that is correlated only over a few samples."""
     from gmwm.fitting.likelihood.tracks import wanders
 
-    for term, process in zip(found.model.terms, found.model.processes, strict=True):
+    for term, process in found.model.by_term.items():
         time = process.correlation_time(found.rate) or 0.0
         # A term with a correlation time below 10 samples is rather noise than bias (tests/cli/test_cli_track.py).
         if process.scale > 0 and wanders(process, found.rate) and time * found.rate < 10.0:

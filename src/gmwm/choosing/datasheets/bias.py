@@ -49,7 +49,7 @@ class FitCurve:
         """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
-        processes = dict(zip(model.terms, model.processes, strict=True))
+        processes = model.by_term
         names, _ = columns_of(model, {})
         unseen = [
             p.with_scale(1.0)

@@ -73,7 +73,7 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
     except GmwmError as error:
         message = f"the data give no upper limit of the {entry.title}: {error.reason}"
         raise DataError(message, advice="Record longer.").with_advice_of(error) from error
-    pairs = zip(holder.model.terms, holder.model.processes, strict=True)
+    pairs = holder.model.by_term.items()
     term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
     scale = process.scale_parameter().name
     high = process.value(scale) if process.is_fixed(scale) else intervals[f"{term}.{scale}"][1]
@@ -122,7 +122,7 @@ def measurable(entry: Entry, fit: Fit) -> Entry:
     wv = fit.wavelet_variance.without_lags
     if entry.held or not entry.upper_only or entry.high is None or not math.isfinite(entry.high):
         return entry
-    terms = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    terms = fit.model.by_term
     if entry.term is None and entry.symbol in _KINDS:
         kind = _KINDS[entry.symbol]
         process = kind().with_values(**{kind.parameters[0].name: 1.0})

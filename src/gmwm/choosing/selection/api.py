@@ -394,10 +394,7 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
     """Return whether the test rejects a candidate and the best one fits much better. With weights of a candidate far
     below the data, other models can appear equally far from the data."""
     pvalue = candidate.pvalue
-    if pvalue is None or pvalue >= REJECTED:
-        return False
-    best_pvalue = best.pvalue
-    return best_pvalue is not None and best_pvalue > BETTER * pvalue
+    return pvalue is not None and pvalue < REJECTED and (best.pvalue or 0.0) > BETTER * pvalue
 
 
 def _equivalent(
@@ -405,8 +402,7 @@ def _equivalent(
 ) -> list[Candidate]:
     """Return the candidates that are as good as the best one and contain no smaller such one, the simplest first."""
     best, level = candidates[0], _levels(candidates)
-    equivalent: list[Candidate] = []
-    worse: list[Candidate] = []
+    equivalent, worse = list[Candidate](), list[Candidate]()
     distinct = (c for c in candidates if c.same_as is None)
     for candidate in sorted(distinct, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
@@ -420,11 +416,8 @@ def _equivalent(
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored.weights, explored.wavelet):
                 continue
             # Models with the same curve and criterion, such as RW and a slow GM, have the same answer.
-            if any(
-                level[k.structure] == level[candidate.structure]
-                and np.allclose(k.fit.implied, candidate.fit.implied, rtol=EQUAL_CRITERIA, atol=0)
-                for k in worse
-            ):
+            alike = (k.fit.implied for k in worse if level[k.structure] == level[candidate.structure])
+            if any(np.allclose(curve, candidate.fit.implied, rtol=EQUAL_CRITERIA, atol=0) for curve in alike):
                 continue
             if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
                 worse.append(candidate)

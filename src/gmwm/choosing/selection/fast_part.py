@@ -198,7 +198,7 @@ def with_shape_error(wv: WaveletVariance, fit: Fit, shape: SpectralShape, proces
     # A fast Gauss-Markov term can take the place of the shape, or of a part of it.
     fast = [
         fit.decomposition[term]
-        for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+        for term, part in fit.model.by_term.items()
         if type(part) is type(process) or acts_as_filter(part, fit)
     ]
     share = np.sum(fast, axis=0) / fit.implied
@@ -224,7 +224,7 @@ def with_oscillator_error(wv: WaveletVariance, fit: Fit, terms: Sequence[Process
         share = (
             sum(
                 fit.decomposition[term]
-                for term, part in zip(fit.model.terms, fit.model.processes, strict=True)
+                for term, part in fit.model.by_term.items()
                 if isinstance(part, OSC) and np.allclose(part.nonlinear, process.nonlinear, rtol=1e-9, atol=0.0)
             )
             / fit.implied
@@ -267,7 +267,7 @@ def _unit_curve(shape: SpectralShape | Alternative, wv: WaveletVariance) -> Vect
 def with_sampling_error(wv: WaveletVariance, fit: Fit) -> WaveletVariance:
     """Add the uncertainty of flicker noise near half the rate, modelled as interval averages. Flicker of output stages,
     or aliased noise, has more power there, which a fit would attribute to white noise."""
-    flicker = [t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if isinstance(p, FN) and p.scale]
+    flicker = [t for t, p in fit.model.by_term.items() if isinstance(p, FN) and p.scale]
     if not flicker or find_filter(wv.filter) is not HAAR:
         return wv
     places = np.minimum(wv.levels, len(SAMPLED) + 1) - 1

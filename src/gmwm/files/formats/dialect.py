@@ -17,6 +17,7 @@ from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.formats.line_forms import (
     WITHOUT_GROUPS,
+    WITHOUT_POINTS,
     LineForms,
     StampParts,
     find_parts,
@@ -104,9 +105,12 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
     cleaning = forms.replacements
     body = [(k, forms.rewritten(line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
+    grouped = WITHOUT_POINTS if decimal_comma else None
     if commas == "thousands" and delimiter != ",":
-        cleaning = (*cleaning, WITHOUT_GROUPS)
-        body = [(k, re.sub(WITHOUT_GROUPS[0].decode(), "", line)) for k, line in body]
+        grouped = WITHOUT_GROUPS
+    if grouped is not None:
+        cleaning = (*cleaning, grouped)
+        body = [(k, re.sub(grouped[0].decode(), "", line)) for k, line in body]
     rows = [(k, split_line(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)

@@ -302,6 +302,9 @@ _POINT_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
 _COMMA_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
 WITHOUT_GROUPS = (rb"(?<=\d),(?=\d{3}(?!\d))", b"")  # replacement that removes the commas between thousands
 
+# Points between thousands before a decimal comma, as in 1.234.567,8; a number cannot have both signs otherwise.
+WITHOUT_POINTS = (rb"(?<=\d)(?<!\d{4})\.(?=\d{3}(?:\.\d{3})*,\d)", b"")
+
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:
     """Return whether a cell is a number, NaN or infinity."""

@@ -61,22 +61,12 @@ class WeightedSolution:
 
 
 def settle(
-    model: Model,
-    wv: WaveletVariance,
-    weighting: str,
-    *,
-    certify: bool,
-    start: Model | None = None,
-    fixed: float = LIMITS.tolerance,
-    first: First | None = None,
-    search: bool = True,
-    # Largest number of iterations to convergence. A new one is needed if the global search then finds another optimum.
-    returns: int = 4,
-) -> WeightedSolution:
+    model: Model, wv: WaveletVariance, weighting: str, *, certify: bool, start: Model | None = None,
+    fixed: float = LIMITS.tolerance, first: First | None = None, search: bool = True, returns: int = 4,
+) -> WeightedSolution:  # fmt: skip
     """Iterate estimate and weights until they agree (relative change `fixed`), from weights of the data or of `start`.
-    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data. If estimates
-    alternate, weights come from the likeliest mixture of all processes."""
-
+    A last `search` with the final Ω proves the optimum, unless `start` is from almost the same data; if that is another
+    one, they are iterated again (`returns`). If estimates alternate, weights come from the likeliest mixture."""
     # Relative change of the curve below which weights and estimate agree, if `fixed` is not larger.
     agreement = 1e-6
 

@@ -145,7 +145,7 @@ class Surface:
         if point.branches:
             rows = np.concatenate([self._curved_shapes(point.branches, u), rows])
         rows = rows @ self.problem.root.T
-        if not np.all(np.isfinite(rows)):
+        if not np.isfinite(rows).all():
             return None
         lengths = np.linalg.norm(rows, axis=1)
         # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
@@ -251,12 +251,11 @@ class Surface:
             if not able.any():
                 break
             jacobian = self._project(best, slopes[able])
-            square = jacobian @ jacobian.T
-            size = np.diag(square).copy()
+            square, downward = jacobian @ jacobian.T, -gradient[able]
+            ridge = np.diag(square.diagonal() + np.finfo(float).tiny)
             while damping < 1e10:
                 step = np.zeros(best.point.x.size)
-                damped = square + damping * np.diag(size + np.finfo(float).tiny)
-                step[able] = np.minimum(np.maximum(_solve(damped, -gradient[able]), -longest_step), longest_step)
+                step[able] = _solve(square + damping * ridge, downward).clip(-longest_step, longest_step)
                 trial = self.at(self.move(best.point, step))
                 if trial is not None and trial.objective < best.objective:
                     better = trial
@@ -338,9 +337,9 @@ class Surface:
 
 def _solve(matrix: Matrix, right: Vector) -> Vector:
     """Solve a symmetric system, scaled to unit diagonal, with the least norm if it is singular."""
-    size = np.sqrt(np.diag(matrix))
+    size = np.sqrt(matrix.diagonal())
     size = np.where(size > 1e-150, size, 1.0)
-    scaled = matrix / np.outer(size, size)
+    scaled = matrix / (size[:, None] * size)
     try:
         return np.asarray(np.linalg.solve(scaled, right / size) / size)
     except np.linalg.LinAlgError:

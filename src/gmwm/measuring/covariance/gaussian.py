@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Booleans, Matrix, Vector
+from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.filtered import LONGEST_SAMPLES
@@ -231,7 +231,8 @@ def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, seco
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
         # Not for robust estimates: a smaller variance and a larger mean nearly cancel in the relative variance.
-        total += cumulant * _excess(pairs, design.samples) / stride / scale**2
+        halves = (pairs.half[levels].tobytes() for levels in (pairs.finer, pairs.coarser))
+        total += cumulant * _excess(*halves, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
@@ -250,9 +251,10 @@ def _powers(
     return own, np.asarray(np.add.reduceat(terms, starts))
 
 
-def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄, with c = (1, −2, 1) at 0, h and 2h, for each pair."""
-    fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
+@lru_cache(maxsize=16)
+def _excess(finer: bytes, coarser: bytes, samples: int) -> Vector:
+    """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄, c = (1, −2, 1) at 0, h and 2h, for pairs of half-scales."""
+    fine, coarse = np.frombuffer(finer), np.frombuffer(coarser)
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):
         for b, weight_b in ((0, 1.0), (1, 4.0), (2, 1.0)):
@@ -260,4 +262,4 @@ def _excess(pairs: _Pairs, samples: int) -> Vector:
             first = np.maximum(2 * fine - 1, 2 * coarse - 1 - lag)
             last = samples - 1 - np.maximum(lag, 0.0)
             total += weight_a * weight_b * np.maximum(last - first + 1, 0.0)
-    return total
+    return freeze(total)

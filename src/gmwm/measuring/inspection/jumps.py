@@ -194,23 +194,23 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
         return []
     if trend.kind is not None and gain < trend.statistic + 6.6:
         means = means - trend.course()
-    found, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
-    while len(found) < MOST:
+    settlings, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
+    while len(settlings) < MOST:
         gain, place, tau, weights = Likelihood(y).best_change(_FIRST, settles=True)
-        if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in found):
+        if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in settlings):
             break
         # Other shapes, such as a logarithm, are close to two exponentials.
         decays = [decay(edges - place, tau * k) for k in (1, 4)]
         courses = np.vstack([courses, _courses([place], means.size), *decays])
         sizes = _sizes(likelihood, courses, np.sqrt(weights))
         until = None if gain < clearest else min(place + 4 * tau, float(means.size))
-        found.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
+        settlings.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
         y = means - sizes @ courses
     _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
     without_courses, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
     # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
-    return found if without_courses < 0.9**2 * with_courses else []
+    return settlings if without_courses < 0.9**2 * with_courses else []
 
 
 def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:

@@ -213,14 +213,7 @@ class _Draw(NamedTuple):
 
     def group(self, k: int) -> _Draw:
         """Return every fourth gap, from gap number k on."""
-        part = slice(k, None, _GROUPS)
-        return _Draw(
-            first=self.first[part],
-            donor=self.donor[part],
-            level=self.level[part],
-            donor_level=self.donor_level[part],
-            sign=self.sign[part],
-        )
+        return _Draw(*(values[k::_GROUPS] for values in self))
 
 
 def _draw_short(
