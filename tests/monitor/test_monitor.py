@@ -293,3 +293,23 @@ def test_noise_of_the_gyroscopes_beside_accelerometers_at_rest_is_no_motion() ->
     found = made.update(x) + made.finish()
     assert {(event.kind, event.axis) for event in found} == {("noise-up", axis) for axis in AXES}
     assert all("check the unit" in event.description for event in found)
+
+
+def warming(loss: float) -> gmwm.Imu:
+    """Return ten minutes of six axes that drift together after the start, with a share of lost samples."""
+    rng = np.random.default_rng(40)
+    n = 60_000
+    drift = 8 * SIGMA * np.exp(-np.arange(n) / 20_000)
+    lost = rng.random(n) < loss
+    lost[0] = False
+    axes = {axis: np.where(lost, np.nan, SIGMA * rng.normal(size=n) + drift) for axis in AXES}
+    return gmwm.Imu({axis: gmwm.Signal.from_missing(x, RATE, "rad/s", axis) for axis, x in axes.items()})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", [0.0, 0.01])
+def test_a_warm_up_is_a_drift_of_each_axis_and_lost_samples_do_not_hide_it(loss: float) -> None:
+    found = list(Monitor(dict.fromkeys(AXES, MODEL), rate=RATE, baseline=None).watch(warming(loss)))
+    kinds = {(event.kind, event.axis) for event in found if event.kind != "lost"}
+    assert {("ramp", axis) for axis in AXES} <= kinds
+    assert "moved" not in {kind for kind, _ in kinds}

@@ -25,7 +25,7 @@ from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.tails import UNKNOWN
-from gmwm.measuring.outliers import excess_text
+from gmwm.measuring.outliers import Dependence, Replaced, excess_text
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.noise import RW
 from gmwm.theory.processes.oscillator import name_in_text
@@ -33,7 +33,6 @@ from gmwm.theory.processes.oscillator import name_in_text
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
     from gmwm.fitting.estimation.result import Fit
-    from gmwm.measuring.outliers import Dependence, Replaced
     from gmwm.measuring.spectrum import Line
     from gmwm.measuring.variance import WaveletVariance
 

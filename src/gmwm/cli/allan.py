@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,8 +20,6 @@ from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from gmwm.measuring.variance.allan_regression import AllanRegression
     from gmwm.measuring.variance.clusters import ClusterVariance
     from gmwm.showing.plots.labels import UnitSystem

@@ -57,8 +57,8 @@ def monitor(
     line is a summary.
 
     Control charts compare the innovations of the calibrated models with a baseline. The sensor must be at rest. If
-    three axes change within a second, the monitor assumes that the unit was moved, and the charts pause until it is at
-    rest again.
+    three axes change within a second, not by a drift, the monitor assumes that the unit was moved, and the charts pause
+    until it is at rest again.
 
     If three or more recordings are given, the units must be at rest next to each other. The monitor then compares the
     units with each other, which removes disturbances that they share. Each event names the unit that has changed.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import gmwm
-from gmwm.base.arrays import Integers, as_rate
+from gmwm.base.arrays import Integers, Matrix, as_rate
 from gmwm.base.atomic_files import read_json
 from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
@@ -19,7 +19,6 @@ from gmwm.cli.output import Outcome, plot_file, progress, tell
 from gmwm.theory.filters import WaveletFilter, find_filter
 
 if TYPE_CHECKING:
-    from gmwm.base.arrays import Matrix
     from gmwm.fitting.inference.planning import Plan
 
 EXAMPLES = (

@@ -25,7 +25,6 @@ from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.base.arrays import Vector
-    from gmwm.cli.model_source import AxisModel
     from gmwm.fitting.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")

@@ -21,13 +21,12 @@ from gmwm.cli.command import command, with_settings
 from gmwm.cli.measuring import growing_source, interruptible, remarks_on_end
 from gmwm.cli.output import Outcome, table_text
 from gmwm.cli.read_options import ReadOptionTexts, chosen_names
-from gmwm.recording.chunks import MINIMUM_SAMPLES
+from gmwm.recording.chunks import MINIMUM_SAMPLES, Chunk
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from gmwm.files.readers.streams import Stream
-    from gmwm.recording.chunks import Chunk
 
 
 def fit_curves(

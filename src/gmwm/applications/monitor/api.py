@@ -407,7 +407,12 @@ class Monitor(OneAtATime):
         still = [axis for axis in self._axes if axis.partition("_")[0] not in loud]
         # Noise of one sensor beside another one at rest is no motion, but for example a wrong unit.
         noisy = len(still) >= 3 and all(faults[axis].kind == "noise-up" for axis in moving)
-        if moving and len(moving) + len(others) >= 3 and not noisy:  # axes change together: the unit was moved
+        # During warm-up, several axes drift together, without a motion that a second of data shows.
+        drifting = all(
+            axis in faults and faults[axis].kind == "ramp" and not self._axes[axis].is_loud(self._naming)
+            for axis in moving
+        )
+        if len(moving) + len(others) >= 3 and not noisy and not drifting:  # axes change together: the unit was moved
             first = min(alarm.sample for axis in moving for alarm in by_axis[axis])
             onset = min(faults[axis].onset for axis in moving)
             events.append(Event(kind="moved", time=self._clock.time(first), began=self._clock.time(onset)))

@@ -35,8 +35,8 @@ class Event:
         Kind of the change. "noise-up" and "noise-down": the noise is larger or smaller at the scale `scale`. "jump" and
         "ramp": the level changed suddenly, or changes steadily. "hum": a sinusoid appeared. "spike": single samples are
         wrong. "frozen": all samples are equal. "saturated": all samples are equal and outside the usual range. "lost":
-        samples are missing. "clock": the time stamps went back. "moved": at least three axes changed within a second.
-        "still": the unit is at rest again.
+        samples are missing. "clock": the time stamps went back. "moved": three axes changed within a second, not by
+        drifts. "still": the unit is at rest again.
     time : float
         Time (s) at which a chart statistic exceeded its threshold.
     began : float
@@ -485,9 +485,9 @@ class MonitoredAxis:
 
     def gap(self, samples: int | None) -> None:
         """Continue after missing samples; `samples` is None if their number is unknown."""
-        self.whitener.gap(samples)
-        self.charts.break_blocks()
-        self.fast = self.slow = np.zeros(0)
+        if not self.whitener.gap(samples):  # otherwise the innovations continue as if no sample were lost
+            self.charts.break_blocks()
+            self.fast = self.slow = np.zeros(0)
         self.value, self.run = None, 0
 
     def save(self) -> dict[str, Any]:

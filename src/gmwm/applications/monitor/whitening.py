@@ -339,13 +339,17 @@ class Whitener:
             self._peaks = np.max(self._rows**2, axis=0)
         return self._rows
 
-    def gap(self, samples: int | None) -> None:
-        """Continue after missing samples; `samples` is None if their number is unknown."""
+    def gap(self, samples: int | None) -> bool:
+        """Continue after missing samples, None if their number is unknown; return whether the level is still known."""
         # The level is unknown after a longer gap.
-        if samples is None or samples > 1000 or self.columns or self.origin is None:
+        short = samples is not None and samples <= 1000 and self.origin is not None
+        added = self.gain.after_gap(samples) if samples is not None and short else np.zeros((self.gain.H.size, 0))
+        # Noise of less than 1 % of an innovation's variance is ignored, so that lost samples do not hide slow changes.
+        noise = float(np.sum((self.gain.H @ added) ** 2)) / self.gain.S
+        if samples is None or not short or (self.columns and noise > 0.01):
             self.drifted += samples or 0
             self.restart()
-            return
+            return False
         self.sections = self.sections.copy()
         for _ in range(samples):
             # Insert the sample that the filter predicts, so that its innovation is zero.
@@ -353,7 +357,9 @@ class Whitener:
             _core.second_order_sections(self.gain.sections, self.sections.copy(), predicted)
             _core.second_order_sections(self.gain.sections, self.sections, -predicted)
         self.drifted += samples
-        self._settle(self.gain.after_gap(samples), 0)
+        if noise > 0.01:
+            self._settle(added, 0)
+        return True
 
     def save(self) -> dict[str, Any]:
         """Return the state. Its arrays are never modified in place."""

@@ -10,7 +10,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark
 from gmwm.base.text import counted, duration_text, moment, round_text
 from gmwm.base.time_base import TimeBase, lost_samples
 from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, noise_unit, usual_unit
-from gmwm.measuring.regression.result import per
+from gmwm.measuring.regression.result import Regression, per
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.axis_statistics import Motion
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import AxisInspection, Inspection
     from gmwm.measuring.inspection.time_grid import Extent, Saturation
     from gmwm.measuring.inspection.trends import Swing, Trend
-    from gmwm.measuring.regression.result import Regression
 
 MOVED = 1.0
 """Change of the direction of gravity (°) that shows motion, as by a bias of 17 mg (tests/test_inspection_limits.py)."""

@@ -17,7 +17,7 @@ from gmwm.showing.plots.curves import ABOVE, FRONT, MIDDLE, confidence_band
 from gmwm.showing.plots.figure import Axis, Figure, Mark, Panel, Polyline, Stroke, drawable, drawing, single_panel
 from gmwm.showing.plots.fit import MOST_SINUSOIDS
 from gmwm.showing.plots.imu import grid_figure
-from gmwm.showing.plots.labels import OSCILLATIONS, axis_title, model_text, shared_name
+from gmwm.showing.plots.labels import OSCILLATIONS, UnitSystem, axis_title, model_text, shared_name
 from gmwm.showing.plots.style import BLUE, IMPLIED, OSCILLATING, SOLID, VERMILLION, term_strokes
 from gmwm.theory.processes.model import ModelLike, as_model
 from gmwm.theory.processes.ordered import Ordered
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from gmwm.measuring.spectrum import PowerSpectrum
-    from gmwm.showing.plots.labels import UnitSystem
 
 FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
 """Stroke of the symbol that marks a line in the spectrum."""
