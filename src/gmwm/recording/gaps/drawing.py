@@ -213,7 +213,7 @@ class _Draw(NamedTuple):
 
     def group(self, k: int) -> _Draw:
         """Return every fourth gap, from gap number k on."""
-        return _Draw(*(values[k::_GROUPS] for values in self))
+        return _Draw._make(values[k::_GROUPS] for values in self)
 
 
 def _draw_short(
