@@ -13,11 +13,12 @@ WITHIN = "GM + WN + RW"
 
 @pytest.fixture(scope="session")
 def imu():
-    """Three axes, 1000 s at 100 Hz; gyro_y was shaken too often to be repaired, for 2.5 s each time."""
+    """Three axes, 1000 s at 100 Hz; gyro_y was shaken too often to be repaired, for 2 s each time."""
     clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, rng=4)
     values = {axis: clean[axis].values.copy() for axis in clean}
-    for start in range(10_000, 94_000, 5000):
-        values["gyro_y"][start : start + 250] += 0.014 * np.cos(2.0 * np.arange(250))
+    rng = np.random.default_rng(3)
+    for start in range(10_000, 94_000, 1000):
+        values["gyro_y"][start : start + 200] += 0.006 * rng.standard_normal(200)
     return gmwm.Imu.from_arrays(values, 100.0, source="knocked.csv")
 
 

@@ -132,7 +132,7 @@ def test_unknown_and_incomplete_files(tmp_path):
     with pytest.raises(ReadError):
         given_noise(tmp_path / "c", 100.0)
     (tmp_path / "d").write_text('{"format": "gmwm-calibration", "version": 2}\n')
-    with raises(ReadError, "a result of gmwm", "from_fits"):
+    with raises(ReadError, "a result of gmwm", advises=["from_fits"]):
         given_noise(tmp_path / "d", 100.0)
 
 
