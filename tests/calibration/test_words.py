@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.text import round_text
-from gmwm.calibration.summary_text import _fitting_words
+from gmwm.calibration.summary_text import _fitting_words, short_legend
 from gmwm.calibration.tables import in_order, merge_names, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.measuring.outliers import excess_text
@@ -259,3 +259,14 @@ def test_the_summary_says_why_each_model_was_chosen(calibration):
     assert "Why this model" not in calibration.summary()
     restored = gmwm.Calibration.from_dict(calibration.to_dict())
     assert restored.axes["gyro_x"].search == calibration.axes["gyro_x"].search
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [((0.5, 0.5), "up to 0.5 s."), ((0.5, 0.2), "0.5 s (gyroscopes) and 0.2 s (accelerometers).")]
+)
+def test_the_time_that_numbers_hold_is_said_once_if_sensors_agree(calibration, seconds, text):
+    ends = [
+        Remark.of("walk-or-markov", axis, case="claim", time=Quantity(time, "s"))
+        for axis, time in zip(("gyro_x", "accel_x"), seconds, strict=True)
+    ]
+    assert text in short_legend(replace(calibration, recording_remarks=ends))

@@ -334,7 +334,10 @@ def short_legend(calibration: Calibration) -> str:
         time = remark.facts.get("time")
         if remark.code == "walk-or-markov" and remark.facts["case"] == "claim" and isinstance(time, Quantity):
             times.setdefault(sensor_of(remark.subject), []).append(time.value)
-    ends = [f"{duration_text(min(each))} ({SENSORS.get(name, name).lower()})" for name, each in times.items()]
+    lengths = {name: duration_text(min(each)) for name, each in times.items()}
+    ends = [f"{length} ({SENSORS.get(name, name).lower()})" for name, length in lengths.items()]
+    if len(lengths) > 1 and len(same := set(lengths.values())) == 1:
+        ends = [*same]
     predictions = f", for predictions up to {join_names(ends)}".replace(" ()", "") if ends else ""
     return (
         f"N, K: white noise and random walk of the axis for a filter{predictions}. B: bias instability. ±, +a/−b, "
