@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, GmwmWarning, ReadError
-from gmwm.files.clock.lost_samples import gaps_of
+from gmwm.files.clock.missing_values import gaps_of
 from gmwm.files.formats import parquet, text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.parts import PartReader

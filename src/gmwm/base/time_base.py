@@ -64,7 +64,7 @@ def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]
 
 
 def lost_samples(late: ArrayLike, rate: float) -> NDArray[np.int64]:
-    """Return the number of samples lost in gaps, for all parts of gmwm.
+    """Return the number of samples lost in gaps of known length (`find_losses` in `files.clock` counts from stamps).
 
     `late` (s) is from the last sample's interval to the next sample, negative as is the result if the clock was set
     back.

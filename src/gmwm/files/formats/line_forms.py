@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
 from gmwm.base.units import TIME_UNITS
-from gmwm.files.clock.lost_samples import MISSING, is_missing
+from gmwm.files.clock.missing_values import MISSING, is_missing
 from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.contract import Rows

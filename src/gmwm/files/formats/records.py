@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.documents import is_result
 from gmwm.base.errors import ReadError
-from gmwm.files.clock.lost_samples import MISSING
+from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
 from gmwm.files.formats.line_forms import first_of_sample, shape_of

@@ -24,7 +24,7 @@ from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.template import join_names
 from gmwm.base.units import STANDARD_GRAVITY, parse_unit
-from gmwm.files.clock.lost_samples import MISSING
+from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.clock.text_stamps import form_remark, is_stamp, times_of
 from gmwm.files.contract import CHUNK_ROWS, Channel, Layout, Reader, Rows, register
 

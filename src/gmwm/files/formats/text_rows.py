@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
 from gmwm.base.threads import require_threads
-from gmwm.files.clock.lost_samples import MISSING
+from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from gmwm.base.remarks import Quantity, Remark
-from gmwm.files.clock.lost_samples import MISSING, whole_numbers
+from gmwm.files.clock.missing_values import MISSING, whole_numbers
 from gmwm.files.contract import Channel, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.dialect import TextDialect

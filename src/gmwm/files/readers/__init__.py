@@ -4,7 +4,7 @@
 True
 """
 
-from gmwm.files.clock.lost_samples import MISSING
+from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.contract import Channel, Layout, Mark, Reader, Rows, find_reader, register, registered
 from gmwm.files.readers.api import read, read_array, stream
 from gmwm.files.readers.parts import Part

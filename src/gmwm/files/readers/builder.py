@@ -18,7 +18,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import beyond_sensors, si_unit
-from gmwm.files.clock.lost_samples import about_lost, as_floats, gaps_of, is_missing, sift
+from gmwm.files.clock.missing_values import about_lost, as_floats, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource

@@ -18,7 +18,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import clock_of
-from gmwm.files.clock.lost_samples import Sifted, as_floats, dead_axes, is_missing, sift, sparse_axes, values_of_axes
+from gmwm.files.clock.missing_values import Sifted, as_floats, dead_axes, is_missing, sift, sparse_axes, values_of_axes
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gmwm.base.errors import OptionError, ReadError
-from gmwm.files.clock.lost_samples import Sifted, sift
+from gmwm.files.clock.missing_values import Sifted, sift
 from gmwm.files.contract import Layout, Mark, Reader, existing_file
 from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.files.clock.lost_samples import CUT, as_floats
+from gmwm.files.clock.missing_values import CUT, as_floats
 from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation

@@ -19,7 +19,7 @@ from gmwm.base.errors import OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import counted, duration_text, printable
 from gmwm.base.units import AXES
-from gmwm.files.clock.lost_samples import CUT
+from gmwm.files.clock.missing_values import CUT
 from gmwm.files.contract import Layout, Reader, Rows, existing_file, find_reader
 
 Source = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]  # A file, a pattern, or a sequence of files
