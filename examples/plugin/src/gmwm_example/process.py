@@ -4,10 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from gmwm.processes import Parameter, Physical, Process, Value
 from gmwm.statespace import StateSpace
-
-from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Parameter, Physical, Value
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
 

@@ -12,10 +12,10 @@ from gmwm.theory.processes.arma import AR as AR, MA as MA, ARMA as ARMA, SARMA a
 from gmwm.theory.processes.base import Process, registry
 from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.ordered import Ordered, every_class, ordered_classes
-from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Physical, fixed
+from gmwm.theory.processes.parameter import Branch, Fixed, Parameter, Physical, Value, fixed
 
 __all__ = [
     "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "OSC", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
-    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "fixed",
-    "ordered_classes", "registry",
+    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "Value", "as_model", "every_class",
+    "fixed", "ordered_classes", "registry",
 ]  # fmt: skip
