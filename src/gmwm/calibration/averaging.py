@@ -154,9 +154,7 @@ def _has_flicker(candidate: Candidate) -> bool:
     return any(process.scale > 0 and is_flicker(process, wv.rate) for process in processes)
 
 
-def with_band(
-    sheet: Datasheet, errors: Mapping[str, float], lines: Iterable[Line], level: float
-) -> Datasheet:  # fmt: skip
+def with_band(sheet: Datasheet, errors: Mapping[str, float], lines: Iterable[Line], level: float) -> Datasheet:
     """Add intervals of f_b (relative `errors`) and of lines, strongest first, which the fit holds."""
     reach = NormalDist().inv_cdf((1 + level) / 2)
     errors = {**errors, **_line_errors(sheet, lines)}

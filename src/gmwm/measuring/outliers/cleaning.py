@@ -160,9 +160,7 @@ def _of_panel(values: Vector, rate: float, step: float, kinds: tuple[str, ...]) 
     return ranges
 
 
-def _ranges_of(
-    kinds: Sequence[str], values: Vector, rate: float, step: float, margin: float = MARGIN
-) -> Ranges:  # fmt: skip
+def _ranges_of(kinds: Sequence[str], values: Vector, rate: float, step: float, margin: float = MARGIN) -> Ranges:
     """Return the index ranges of disturbances, searched in this order, with margins as a multiple of their length."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
     for kind in kinds:

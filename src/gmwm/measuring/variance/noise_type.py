@@ -186,9 +186,7 @@ def exponents(noise: Sequence[NoiseType]) -> Integers:
     return np.array([kind.exponent for kind in noise], dtype=np.int64)
 
 
-def noise_types(
-    phase: Vector, clusters: Integers, variance: Vector, *, reddest: int,
-) -> tuple[NoiseType, ...]:  # fmt: skip
+def noise_types(phase: Vector, clusters: Integers, variance: Vector, *, reddest: int) -> tuple[NoiseType, ...]:
     """Identify the dominant noise at each cluster size, from every n-th (at most the middle 1024) detrended phase.
 
     - From 30 values: lag 1 autocorrelation r₁ of differences of order d, which grows until δ = r₁/(1 + r₁) < 1/4. Then

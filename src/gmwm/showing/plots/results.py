@@ -161,9 +161,7 @@ def _ends(test: Difference) -> Vector:
 
 
 @drawing
-def plot_differences(
-    result: DifferenceTests, *, limit: int = 40, path: str | os.PathLike[str] | None = None
-) -> Figure:  # fmt: skip
+def plot_differences(result: DifferenceTests, *, limit: int = 40, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the ratio of each part to the others with its confidence interval, and mark those that differ.
 
     Parameters
