@@ -177,7 +177,7 @@ class GuestReader(Reader):
     name, extensions = "guest", (".guest",)
 
     def sniff(self, path, head):
-        return float(head.startswith(b"\\x00GUEST"))
+        return float(head.startswith((b"\\x00GUEST", b"#GUEST")))
 
     def layouts(self, path):
         return (Layout((Channel("x", "rad/s", "gyro_x"),), rate=10.0),)
@@ -207,15 +207,26 @@ def guest(tmp_path, monkeypatch):
     sys.modules.pop("guest_reader", None)
 
 
-def test_a_guest_is_loaded_only_if_no_own_format_fits(tmp_path, guest):
-    table = tmp_path / "own.csv"
-    table.write_text("gyro_x [rad/s]\n" + "".join(f"{k % 3}\n" for k in range(20)))
-    assert read(table, rate=10.0).rate == 10.0
+def test_a_guest_is_loaded_unless_a_signature_of_an_own_format_fits(tmp_path, guest):
+    array = tmp_path / "own.npy"
+    np.save(array, np.arange(40.0)[:, None] % 3)
+    assert read(array, rate=10.0, columns=["gyro_x"], units={"gyro": "rad/s"}).rate == 10.0
     assert "guest_reader" not in sys.modules
     with warns("guest-unusable", name="broken", package="guest-logs", group="gmwm.readers"):
         imu = read(guest)
     assert imu["gyro_x"].values.tolist() == list(range(20))
     assert read(guest, format="GUEST")["gyro_x"].values.size == 20
+
+
+@pytest.mark.parametrize("suffix", [".guest", ".csv"])
+def test_the_signature_of_a_guest_wins_over_plausible_text(tmp_path, guest, suffix):
+    text = tmp_path / f"text{suffix}"
+    text.write_text("#GUEST\n" + (table := "gyro_x [rad/s]\n" + "".join(f"{k % 3}\n" for k in range(40))))
+    other = tmp_path / "other.csv"
+    other.write_text(table)
+    with warns("guest-unusable"):
+        assert len(read(text)) == 20
+    assert len(read(other, rate=10.0)) == 40
 
 
 @pytest.mark.parametrize("form", ["list", "format"])

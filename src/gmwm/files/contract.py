@@ -323,7 +323,7 @@ def _sign_of(folder: Path) -> Path:
 def find_reader(path: Path, format: str | None = None) -> Reader:
     """Find the reader of a file by the name of the format or by the first bytes of the file.
 
-    Formats of other packages are tried if no format of gmwm fits.
+    Formats of other packages are tried too, unless a format of gmwm recognises its signature.
 
     Parameters
     ----------
@@ -364,8 +364,10 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
             ((reader.sniff(path, head), suffix in reader.extensions, reader) for reader in readers().values()),
             key=lambda entry: entry[:2],
         )
-        if score > 0:
+        if score >= 1:
             return reader
+    if score > 0:
+        return reader
     formats = "; ".join(f"{r.name} ({', '.join(r.extensions)})" for r in _READERS.values() if r.extensions)
     begin = " ".join(f"{byte:02x}" for byte in head[:8])
     raise ReadError(
