@@ -375,6 +375,17 @@ def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("pvalue", "rejected"), [(0.5, False), (0.005, True)])
+def test_a_model_is_rejected_by_the_test_for_all_axes_alone(calibration, monkeypatch, pvalue, rejected):
+    axis = calibration.axes["gyro_x"]
+    monkeypatch.setitem(vars(axis.ranking.recommended), "pvalue", 0.005)
+    axis = dataclasses.replace(axis, test=dataclasses.replace(axis.test, pvalue=pvalue))
+    section, *_ = report_data(dataclasses.replace(calibration, axes={**calibration.axes, "gyro_x": axis}))["axes"]
+    assert (section["rejected"], "rejects" in " ".join(section["ranking"]["remarks"])) == (rejected, rejected)
+    assert section["search"] == [step.text() for step in axis.search] != []
+
+
+@pytest.mark.slow
 def test_the_error_budget_is_that_of_the_calibration():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)", "accel_y": "WN(sigma2=4e-5)"}, rate=100.0, samples=20_000, rng=1)
     calibration = gmwm.calibrate(imu, within="WN + RW")

@@ -107,7 +107,7 @@ EQUAL_CRITERIA = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
 REJECTED_PVALUE = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
-`recommended-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
+`model-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
 MOST_CANDIDATES_LISTED = 10
 """Default number of candidates in a table."""
 

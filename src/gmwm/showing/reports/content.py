@@ -237,8 +237,9 @@ def _settings(calibration: Calibration) -> Facts:
 
 def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = axis.fit, axis.ranking
-    # The table already marks the recommended model and the equivalent models.
-    shown = [remark.about("") for remark in ranking.remarks if remark.facts.get("case") not in ("model", "equal")]
+    # The table marks the recommended and equivalent models. A model is rejected by the test for all axes.
+    hidden = ("model", "equal") if rejected else ("model", "equal", "ranking")
+    shown = [remark.about("") for remark in ranking.remarks if remark.facts.get("case") not in hidden]
     return {
         "axis": name,
         "title": axis_title(name),
@@ -250,6 +251,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "rejected": rejected,
         "certificate": _certificate(fit),
         "ranking": {"rows": _ranking_rows(ranking), "remarks": texts(shown, Dialect.HTML)},
+        "search": [step.text() for step in axis.search],
         "remarks": texts((remark.about("") for remark in axis.remarks), Dialect.HTML),
         "peaks": spectrum_tables(axis.spectrum),
         "conditions": regression_table(axis.regression),
