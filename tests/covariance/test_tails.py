@@ -110,6 +110,12 @@ def test_rare_loud_samples_with_a_finite_fourth_moment_are_no_power_law():
         assert measured(loud * rng.standard_normal(N))[0, 0] < 0.08**2
 
 
+def test_equal_extremes_have_no_tail():
+    for share in (0.02, 0.5):  # the logarithm of differences of 1 is exactly 0
+        excess = measured(np.random.default_rng(1).choice([0.0, 1.0], N, p=[1 - share, share]))
+        assert excess is None or np.all(np.isfinite(excess))
+
+
 @pytest.mark.parametrize("size", [127_488, 127_615])
 def test_every_length_can_be_measured(size):
     assert measured(np.random.default_rng(1).standard_normal(size)) is None

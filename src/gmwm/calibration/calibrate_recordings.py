@@ -252,6 +252,7 @@ def calibrate_recording(
     except BaseException:
         steps.stop()
         raise
+    return_memory()
     axes = {axis: result for axis, result in results.items() if isinstance(result, AxisCalibration)}
     failed |= {axis: result for axis, result in results.items() if isinstance(result, GmwmError)}
     failed = {axis: failed[axis] for axis in measured if axis in failed}

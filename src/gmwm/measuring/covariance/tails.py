@@ -129,7 +129,8 @@ class TailSums:
             indices = 1 / (np.cumsum(logs) / number - logs)
         errors, index = 1 / np.sqrt(number), float(indices[-1])
         first = max(largest.size // 16, LIMITS.least_in_tail - 1)
-        if np.any((indices * (1 - LIMITS.bent * errors))[first:] > index):
+        # Equal extremes, as of a counter or at full scale, have no tail.
+        if index == np.inf or np.any((indices * (1 - LIMITS.bent * errors))[first:] > index):
             return np.inf, 0.0
         least, most = index * (1 - 2 * errors[-1]), index * (1 + 2 * errors[-1])
         if least <= 2:
