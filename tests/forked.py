@@ -13,6 +13,7 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Sequence
+from functools import wraps
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -122,12 +123,15 @@ def gmwm_struck(module: str, name: str, number: str, *arguments: str) -> None:
     main, owner = os.getpid(), import_module(module)
     work = getattr(owner, name)
 
+    @wraps(work)  # a helper gets it by the name of the function
     def strike(*given: Any, **options: Any) -> Any:
         os.kill(main, int(number))  # of this process, also if a helper does the work
         return work(*given, **options)
 
     setattr(owner, name, strike)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for commands in the background
+    # A shell ignores the first for commands in the background, nohup the second.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     sys.argv = ["gmwm", *arguments]
     start()
 

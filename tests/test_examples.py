@@ -149,7 +149,7 @@ def test_recorded(tmp_path, capsys):
 
 # --- navigation ---------------------------------------------------------------------------------------
 
-RUNS = 12
+RUNS = 20
 
 
 @pytest.fixture(scope="module")

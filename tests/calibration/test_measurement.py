@@ -108,7 +108,7 @@ def test_the_rule_is_the_same_in_a_stream(tmp_path, monkeypatch):
 def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
     x = signal().values.copy()
     rng = np.random.default_rng(5)
-    for start in rng.integers(0, N - 40, 200):
+    for start in rng.integers(0, N - 40, 1000):
         x[start : start + 20] += 0.03 * rng.standard_normal(20)
     found = gmwm.calibrate(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), WITHIN)
     facts = only(found.remarks, "robust-depends-on-efficiency", "gyro_x").facts

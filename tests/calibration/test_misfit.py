@@ -83,7 +83,7 @@ def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outli
     truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"
     hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, rng=3)
     values = hum["gyro_x"].values.copy()
-    for start in range(1000, 59_000, 2_000):
+    for start in range(1000, 59_000, 700):
         values[start : start + 160] += 0.006 * np.random.default_rng(start).standard_normal(160)
     imu = gmwm.Imu.from_arrays({"gyro_x": values}, rate=100.0)
     without = gmwm.calibrate(imu, "GM + WN")

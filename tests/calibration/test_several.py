@@ -27,7 +27,7 @@ def recorded(day, seed, *, sigma2=1e-6, samples=12_000, axes=("gyro_x", "accel_x
     if knocks:
         x = signals["gyro_x"].values.copy()
         rng = np.random.default_rng(seed)
-        for k in range(1000, samples - 100, 1500):
+        for k in range(1000, samples - 150, 700):
             x[k : k + 150] += 0.005 * rng.standard_normal(150)  # too many samples to be replaced
         signals["gyro_x"] = dataclasses.replace(signals["gyro_x"], values=x)
     return Imu(signals, source=f"/data/{day}.csv")

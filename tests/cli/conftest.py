@@ -68,9 +68,12 @@ def calibrated(gmwm, recording, tmp_path_factory) -> tuple[Path, Outcome]:
 @pytest.fixture
 def without_pictures(monkeypatch):
     """The pictures of a calibration with --output are empty, because to draw them takes a third of its time."""
-    monkeypatch.setattr(
-        "gmwm.cli.calibrate.pictures", lambda *_: dict.fromkeys(("calibration.png", "by_sensor.png"), b"")
-    )
+    monkeypatch.setattr("gmwm.cli.calibrate.pictures", empty_pictures)
+
+
+def empty_pictures(*_) -> dict[str, bytes]:
+    """Files of pictures without content. A helper gets this function by its name."""
+    return dict.fromkeys(("calibration.png", "by_sensor.png"), b"")
 
 
 @pytest.fixture(scope="session")
