@@ -49,6 +49,7 @@ polars.DataFrame({{"time": np.arange(n) / rate, **columns}}).write_parquet({path
 """
 SHAPES = """
 import json
+from scipy.stats import chi2, norm
 rng, rows = np.random.default_rng(7), []
 def scale(low, high):
     return 10.0 ** rng.uniform(low, high)
@@ -70,9 +71,12 @@ for k in range({count}):
     samples, rate = int(scale(4.7, 6.8)), float(rng.choice([50, 100, 200, 250, 1000]))
     levels = int(np.log2(samples)) - 1
     truth = model.wavelet_variance(levels, rate)
-    spread = np.sqrt(np.diag(gmwm.covariance.wavelet_covariance(model, samples, rate))[:levels])
+    covariance = gmwm.covariance.wavelet_covariance(model, samples, rate)[:levels, :levels]
+    spread = np.sqrt(np.diag(covariance))
+    root = np.linalg.cholesky(covariance / np.outer(spread, spread) + 1e-12 * np.eye(levels))
     freedom = 2 * (truth / spread) ** 2
-    values = truth * rng.chisquare(freedom) / freedom * np.exp(0.03 * (k % 4 == 3) * rng.standard_normal(levels))
+    values = truth * chi2.isf(norm.sf(root @ rng.standard_normal(levels)), freedom) / freedom
+    values *= np.exp(0.03 * (k % 4 == 3) * rng.standard_normal(levels))
     curve = gmwm.WaveletVariance.from_values(values, rate=rate, samples=samples, axis="gyro_x", unit="rad/s")
     begin = time.perf_counter()
     gmwm.calibrate({{"gyro_x": curve}})
