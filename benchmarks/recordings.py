@@ -164,7 +164,7 @@ OTHERS = (
 )  # fmt: skip
 RATIOS = (
     "For octaves of 10⁶ samples, allantools 2024.6 took 12.3 times as long as gmwm, and allan-variance 1.0,\n"
-    "avar 1.0.4 and alvar 0.1.2 took 7 to 11 times as long."
+    "avar 1.0.4 and alvar 0.1.2 7 to 11 times."
 )
 
 
@@ -175,7 +175,7 @@ def rows_of_recordings(results: Results) -> list[list[str]]:
     rows = [row for row in results.recordings if row["samples"] and row not in units]
     if units:
         slowest = max(units, key=lambda row: row["seconds"])
-        rows.insert(0, slowest | {"name": f"slowest of {len(units)} simulated units with resonances and lines"})
+        rows.insert(0, slowest | {"name": f"slowest of {len(units)} simulated units"})
     curves = sorted((row for row in results.recordings if not row["samples"]), key=lambda row: row["inside"])
     table = [
         [
@@ -187,7 +187,7 @@ def rows_of_recordings(results: Results) -> list[list[str]]:
     if curves:
         slowest = curves[-1]
         published = sum("simulated" not in row["name"] for row in curves)
-        name = f"slowest of {published} published and {len(curves) - published} simulated curves"
+        name = f"slowest of {len(curves)} curves, {published} published"
         table.append([name, "", f"{slowest['inside']:.2g}", "", f"{slowest['peak'] / 1e6:.0f}"])
     return table
 

@@ -2,6 +2,7 @@
 
 import importlib.util
 from pathlib import Path
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import gmwm
 from gmwm import AR1, DR, FN, GM, QN, RW, WN
 from gmwm.measuring.covariance import nodes, wavelet_covariance
+from gmwm.measuring.covariance.design import Design
 from tests.helpers import each, raises
 
 _spec = importlib.util.spec_from_file_location(
@@ -117,3 +119,16 @@ def test_the_first_levels_are_a_block_of_all_levels(few_first):
         sizes = (8, 14) if few_first else (14, 8)
         found = {levels: wavelet_covariance(model, 20_000, RATE, levels=levels) for levels in sizes}
         np.testing.assert_array_equal(found[8], found[14][:8, :8])
+
+
+def test_a_root_that_rounds_to_one_has_the_nodes_of_the_others():
+    def process(*decays):
+        return SimpleNamespace(decays=lambda rate: decays, memory=lambda rate: 0)
+
+    at = Design(np.arange(1, 10), samples=1024, rate=1.0)
+    (_, weights, firsts), (_, expected, others) = (
+        nodes.lags([process(*decays)], at, diagonal=False) for decays in ((0.0, 0.1), (0.1,))
+    )
+    np.testing.assert_array_equal(weights, expected)
+    np.testing.assert_array_equal(firsts, others)
+    assert nodes.lags([process(0.0)], at, diagonal=False)[1].size > 0

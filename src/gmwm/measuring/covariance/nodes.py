@@ -39,7 +39,7 @@ def lags(
     rate = design.rate if decays_of is None else decays_of
     # Strides larger than 1 are even, so an alternating covariance does not alternate at multiples of a stride.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
-    sizes = [abs(decay) for decay in decays]
+    sizes = [abs(decay) for decay in decays if decay != 0]  # a root that rounds to 1 needs no nodes of its own
     memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
     # The range of rates and the memory are rounded outwards, so that all iterations of a fit and most candidates of a
     # selection use the same nodes. A smaller lower end adds few nodes, and so does an upper end above 1/16. The nodes
