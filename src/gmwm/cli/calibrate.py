@@ -163,11 +163,6 @@ def calibrate(
             gmwm chooses the models of the axes that are not named.
         robust: Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for
             all axes together; none if --within has a sinusoid); yes, all axes; no, none.
-    Parallel work:
-        scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the
-            recording and needs the file at the same path. Default: this process.
-        workers (≥ 1): Number of processes on this machine; each reads a part of the recording. Default: threads in one
-            process.
     Result:
         output (--output, -o): Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to
             this directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.

@@ -142,6 +142,11 @@ Estimation:
     robust: Use the robust wavelet variance, which is insensitive to outliers.
     likelihood (--likelihood, --ml): Fit the model by maximum likelihood, starting from the wavelet fit. With
         --from-fits, use the maximum-likelihood fit in the file.
+Parallel work:
+    scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the
+        recording and needs the file at the same path. Default: this process.
+    workers (≥ 1): Number of processes on this machine; each reads a part of the recording. Default: threads in one
+        process.
 Result:
     view: Show the wavelet variance over the scale, or the Allan deviation over the averaging time. By default, pictures
         show the Allan deviation, and tables the wavelet variance.

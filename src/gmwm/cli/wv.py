@@ -56,11 +56,6 @@ def wv(
 
     Estimation:
         filter: Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.
-    Parallel work:
-        scheduler (ADDRESS): Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the
-            recording and needs the file at the same path. Default: this process.
-        workers (≥ 1): Number of processes on this machine; each reads a part of the recording. Default: threads in one
-            process.
     Result:
         csv: Write all levels of all axes to this CSV file (SI units).
         overlay: Plot the axes x, y and z of a sensor in one panel.

@@ -154,8 +154,8 @@ class _Culprits:
 
 def _times(model: Model, factor: float, rate: float) -> Model:
     """Return a model with all variances times a factor, without drifts: their slopes differ between units."""
-    kept = [process for process in model.processes if process.scale > 0 and not is_ramp(process, rate)]
-    return Model(tuple(process.with_scale(process.scale * factor) for process in kept))
+    noises = [process for process in model.processes if process.scale > 0 and not is_ramp(process, rate)]
+    return Model(tuple(process.with_scale(process.scale * factor) for process in noises))
 
 
 def _baselines(

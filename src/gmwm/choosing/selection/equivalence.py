@@ -77,11 +77,11 @@ class Hypothesis:
     def excesses(self, rival: Fit) -> Iterator[float]:
         """Yield the criterion of the candidate minus that of a rival, both fitted with the candidate's Ω, but first a
         lower limit. A fit of the rival only lowers its loss and hardly changes its optimism, below 1 in 908 fits."""
-        own = self.again.objective + optimism(self.again, self.wavelet, self.weights)
+        criterion = self.again.objective + optimism(self.again, self.wavelet, self.weights)
         residual = self.root @ (rival.wavelet_variance.variance - rival.implied)
-        yield own - float(residual @ residual) - optimism(rival, self.wavelet, self.weights) - 1.0
+        yield criterion - float(residual @ residual) - optimism(rival, self.wavelet, self.weights) - 1.0
         other = self._fit(rival)
-        yield own - other.objective - optimism(other, self.wavelet, self.weights)
+        yield criterion - other.objective - optimism(other, self.wavelet, self.weights)
 
     @cached_property
     def again(self) -> Fit:

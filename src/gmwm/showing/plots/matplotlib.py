@@ -214,8 +214,8 @@ def _align_labels(figure: Figure, axes: Sequence[Axes]) -> None:
         shown = [tick.label for tick, low, high in ticks if low <= tick.value <= high]
         widest = max((width_of(label, TICK_SIZE) for label in shown), default=0.0)
         for _, ax in of_column:
-            left = ScaledTranslation(-(widest + TICK_LENGTH + 7.5) / 72, 0, ax.figure.dpi_scale_trans)
-            ax.yaxis.set_label_coords(0, 0.5, ax.transAxes + left)
+            shift = ScaledTranslation(-(widest + TICK_LENGTH + 7.5) / 72, 0, ax.figure.dpi_scale_trans)
+            ax.yaxis.set_label_coords(0, 0.5, ax.transAxes + shift)
 
 
 def _wrap_titles(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
