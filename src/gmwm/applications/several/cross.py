@@ -163,22 +163,13 @@ def delays_of(signals: Mapping[str, Signal]) -> AxisPairs[int]:
         values = {name: signal.values[first:last] for name, signal in signals.items()}
         w = {name: haar(x - x.mean(), level) for name, x in values.items()}
         for pair in pairs_of(list(signals)):
-            delay = _delay(
-                np.array(
-                    [
-                        _correlation(w[pair[0]], w[pair[1]], lag)
-                        for lag in range(-LARGEST_LAG_SAMPLES, LARGEST_LAG_SAMPLES + 1)
-                    ]
-                ),
-                count,
-            )
-            if delay:
+            if delay := _delay(_correlations(w[pair[0]], w[pair[1]]), count):
                 delays.setdefault(pair, delay)
     return AxisPairs(delays)
 
 
 def _delay(correlation: Vector, count: int) -> int:
-    """Return the delay that correlations at the lags −WINGS … WINGS show, or 0 if they show none."""
+    """Return the delay that correlations at lags up to `LARGEST_LAG_SAMPLES` show, or 0 if they show none."""
     size = np.abs(correlation)
     near = size[LARGEST_LAG_SAMPLES - LARGEST_DELAY_SAMPLES : LARGEST_LAG_SAMPLES + LARGEST_DELAY_SAMPLES + 1]
     delay = int(np.argmax(near)) - LARGEST_DELAY_SAMPLES
@@ -192,11 +183,13 @@ def _delay(correlation: Vector, count: int) -> int:
     return delay if max(uneven, far) <= 0.4 * size[peak] else 0
 
 
-def _correlation(a: Vector, b: Vector, lag: int) -> float:
-    """Return the correlation between a at sample t and b at sample t + lag."""
-    x, y = (a[: a.size - lag], b[lag:]) if lag >= 0 else (a[-lag:], b[: b.size + lag])
-    power = float(x @ x) * float(y @ y)
-    return float(x @ y) / np.sqrt(power) if power > 0 else 0.0
+def _correlations(a: Vector, b: Vector) -> Vector:
+    """Return the correlations of a at sample t and b at sample t + lag, for lags up to `LARGEST_LAG_SAMPLES`."""
+    a = a[LARGEST_LAG_SAMPLES:-LARGEST_LAG_SAMPLES]
+    products, squares = np.correlate(b, a, "valid"), b * b
+    change = np.cumsum(squares[a.size :] - squares[: -a.size])
+    power = float(a @ a) * (squares[: a.size].sum() + np.concatenate([np.zeros(1), change]))
+    return np.where(power > 0, products / np.sqrt(np.where(power > 0, power, 1.0)), 0.0)
 
 
 LEAST_FREEDOM = 3.0
