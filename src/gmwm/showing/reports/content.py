@@ -266,9 +266,8 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
     for name, coefficient in regression.items():
         low, high = coefficient.interval()
-        value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}".replace("-", "−")
-        interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
-        rows.append([name, value, interval, coefficient.unit, p_text(coefficient.pvalue)])
+        value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}"
+        rows.append([name, value, _interval(low, high), coefficient.unit, p_text(coefficient.pvalue)])
     state = "removed before the noise was measured" if regression.applied else "not removed"
     zero = ", ".join(f"{name} = {value:g}" for name, value in regression.references.items() if name != WARM_UP)
     text = f"Effect of {regression.against}: {state}. Joint F test: p {p_relation(regression.pvalue)}."
@@ -360,8 +359,9 @@ def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
         sign = "+" if verdict.excess[most] >= 0 else ""
-        percent = f"{sign}{round_text(100 * float(verdict.excess[most]))}".replace("-", "−")
-        row["most"] = f"{percent} % at {significant(verdict.tau[most], 3)} s"
+        row["most"] = (
+            f"{sign}{round_text(100 * float(verdict.excess[most]))} % at {significant(verdict.tau[most], 3)} s"
+        )
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
     return row | {"p": p_text(verdict.pvalue), "remarks": remarks}
 
