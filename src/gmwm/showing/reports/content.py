@@ -139,7 +139,8 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     -------
     dict
         The content, with the keys `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`,
-        `sensors`, `axes`, `outliers`, `sections`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
+        `sensors`, `axes`, `outliers`, `outlier_tests`, `sections`, `configurations`, `left_out`, `citation`,
+        `pictures` and `gmwm`.
 
     Raises
     ------
@@ -192,6 +193,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "sensors": sensors,
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
+        "outlier_tests": _outlier_tests(calibration),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "short_legend": short_legend(calibration),
         "sections": {name: asdict(section) for name, section in sections(calibration).items()},
@@ -348,13 +350,13 @@ def _interval(low: float, high: float) -> str:
     return f"{low:.4g} … {high:.4g}"
 
 
-def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
+def _outliers(name: str, axis: AxisCalibration) -> dict[str, str]:
     """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
     verdict, robust = axis.verdict, axis.fit.wavelet_variance.robust
     row = {"axis": name, "fitted": "robust" if robust else "classical", "p": "", "most": ""}
     row["found"] = outliers_word(axis)
     if verdict is None:
-        return row | {"remarks": ["not tested"]}
+        return row
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
@@ -362,8 +364,13 @@ def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
         row["most"] = (
             f"{sign}{round_text(100 * float(verdict.excess[most]))} % at {significant(verdict.tau[most], 3)} s"
         )
-    remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return row | {"p": p_text(verdict.pvalue), "remarks": remarks}
+    return row | {"p": p_text(verdict.pvalue)}
+
+
+def _outlier_tests(calibration: Calibration) -> list[str]:
+    """Return the results of the outlier tests as HTML, once for axes with the same result."""
+    tests = {name: axis.verdict for name, axis in calibration.axes.items() if axis.verdict is not None}
+    return texts((remark.about(name) for name, verdict in tests.items() for remark in verdict.remarks), Dialect.HTML)
 
 
 GROUP = "gmwm.reports"
