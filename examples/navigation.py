@@ -269,28 +269,32 @@ def draw(tracks: Mapping[str, Track], runs: int, path: Path) -> None:
         column[0].set_title(name, fontsize=8)
         for ax, (states, factor, label) in zip(column, SHOWN, strict=False):
             rms, says = track.size(states)
-            ax.plot(t, factor * rms, color=BLUE, lw=1.1, label="root mean square over the drives")
-            ax.plot(t, factor * says, color=ORANGE, lw=1.4, dashes=(4, 1.6), label="what the filter says (1 σ)")
+            of_drives = f"error (root mean square), or NEES (mean), of {runs} drives"
+            ax.plot(t, factor * rms, color=BLUE, lw=1.1, label=of_drives)
+            estimated = "standard deviation (1 σ) that the filter estimates"
+            ax.plot(t, factor * says, color=ORANGE, lw=1.4, dashes=(4, 1.6), label=estimated)
             if track is reference:
                 ax.set_ylabel(label, fontsize=8)
                 ax.yaxis.set_major_formatter("{x:g}")
             else:
                 best = factor * reference.size(states)[0]
-                ax.plot(t, best, color=BLACK, lw=0.8, dashes=(1, 1.4), label=f"the same with the {first}")
+                compared = f"error with the {first} (root mean square)"
+                ax.plot(t, best, color=BLACK, lw=0.8, dashes=(1, 1.4), label=compared)
         column[2].plot(t, track.nees, color=BLUE, lw=1.1)
-        column[2].axhspan(*band(runs), color=GREEN, alpha=0.35, lw=0, label="95 % of the NEES of a right filter")
+        consistent = f"95 % of mean NEES of {runs} drives, if the filter is consistent"
+        column[2].axhspan(*band(runs), color=GREEN, alpha=0.35, lw=0, label=consistent)
     for ax in axes.flat:
         ax.set(yscale="log", xlim=(0, SECONDS), xticks=range(0, SECONDS + 1, 120))
         ax.grid(color=GRID, lw=0.5)
         ax.tick_params(labelsize=7)
         for outage in OUTAGES:
-            ax.axvspan(*outage, color=GRID, alpha=0.7, lw=0, label="no satellite positions")
+            ax.axvspan(*outage, color=GRID, alpha=0.7, lw=0, label="outage: no satellite positions")
     for ax in axes[2]:
         ax.set_yscale("symlog", linthresh=10)  # linear up to 10, the range of the band
         ax.set_yticks([0, 5, 10, 100, 1000])
         ax.set_xlabel("Time (s)", fontsize=8)
         ax.yaxis.set_major_formatter("{x:g}")
-    axes[2, 0].set_ylabel("NEES (pure number)", fontsize=8)
+    axes[2, 0].set_ylabel("NEES (no unit)", fontsize=8)
     entries = {label: line for ax in axes.flat for line, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=2, fontsize=7, frameon=False)
     figure.savefig(path, dpi=200)

@@ -97,7 +97,7 @@ def test_uniform_rounding_errors_move_robust_estimates_as_the_paper_s(replayed):
         estimate = fit.parameters[parameter]
         assert (truth < estimate) if truth < paper_s else (estimate < truth), parameter
         assert low < truth < high, parameter  # the intervals include this bias
-    assert "gyro_y: The test finds no outliers" in replayed[1]
+    assert re.search("The test finds no outliers .*gyro_y", replayed[1])
 
 
 def test_models_are_chosen_without_data(replayed):

@@ -12,6 +12,7 @@ import gmwm
 from gmwm.applications.app.page import numbers
 from gmwm.applications.app.session import EMPTY, FORMAT, VERSION, Session, python_lines, shell_lines
 from gmwm.base.errors import GmwmError, ModelError, OptionError, ReadError
+from gmwm.calibration.number_verdicts import NumberVerdict, Usability
 from gmwm.cli.main import app
 from tests.helpers import raises
 
@@ -148,3 +149,8 @@ def test_the_numbers_for_a_horizon_are_those_of_the_files(tmp_path):
         text = found.export(format="json", horizon=horizon)
         walk = json.loads(text)["axes"]["gyro_x"]["filter"]["K"]["value"]
         assert f"≤ {walk:.4g} rad" in shown
+        assert "✗" not in shown
+    refused = {"gyro_x": {"K": NumberVerdict(symbol="K", usability=Usability.DO_NOT_USE)}}
+    job.value = SimpleNamespace(axes=found.axes, number_verdicts=refused)
+    shown = str(numbers._effective(session, SimpleNamespace(calibration=lambda _: job), 1000.0))
+    assert shown.count("✗") == 1

@@ -7,6 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.applications.app.folders import Folders
+from gmwm.applications.app.page.model import _tests
 from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import Jobs, Workspace
 
@@ -52,6 +53,12 @@ def test_the_model_tab_fits_what_calibrate_fits(workspace, models):
         assert np.array_equal(shown.wavelet_variance.variance, fit.wavelet_variance.variance)
         assert shown.wavelet_variance.model_error == pytest.approx(fit.wavelet_variance.model_error, rel=1e-6)
         assert dict(shown.parameters) == pytest.approx(dict(fit.parameters), rel=1e-6)
+        intervals = value(space.intervals(session, axis))
+        assert intervals.keys() == calibration.axes[axis].intervals.keys()
+        for name, ends in calibration.axes[axis].intervals.items():
+            assert intervals[name] == pytest.approx(ends, rel=1e-5)
+        (facts,) = (part for part in _tests(shown).children if part.children[0].children == "Goodness of fit")
+        assert facts.children[1].children == calibration.axes[axis].test.summary()
 
 
 LONG = {

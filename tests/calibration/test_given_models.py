@@ -54,6 +54,8 @@ def test_wrong_models_are_refused_before_anything_is_measured(imu):
         gmwm.calibrate(imu, models={"gyro_z": "WN"})
     with raises(OptionError, argument="models", got="accel"):
         gmwm.calibrate(imu, models={"accel": "WN"}, axes="gyro")
+    with raises(OptionError, argument="within", got="GM + WN"):
+        gmwm.calibrate(imu, "GM + WN", models={"gyro": "WN", "accel": "WN"})
     with raises(OptionError, argument="models", got="WN"):
         CalibrationOptions(models="WN")
     with pytest.raises(ModelError):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 import gmwm as library
 from gmwm.cli.main import app
+from gmwm.cli.watch import one_line_of
 from gmwm.files.readers import growing_files
 
 HEAD = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
@@ -194,3 +196,14 @@ def test_ctrl_c_ends_it_while_standard_input_waits():
     assert err == ""
     assert " samples at 100 Hz" in table
     assert "Allan deviation" in table
+
+
+def test_every_number_of_the_line_has_a_unit():
+    curve = library.wavelet_variance(library.Signal(1e-3 * np.random.default_rng(1).normal(size=4000), 100.0, "rad/s"))
+    line = one_line_of({"gyro_x": curve}, {}, {}, accuracy=0.1, datasheet=True)
+    assert re.fullmatch(
+        r"40 s, 4000 samples \| gyro_x: [\d.]+ deg/h at 0.01 s, least [\d.]+ deg/h ± \S+ % at \S+ s", line
+    )
+    fit = library.fit("WN", curve)
+    line = one_line_of({"gyro_x": curve}, {"gyro_x": fit}, {}, accuracy=0.1, datasheet=True)
+    assert re.search(r"WN.sigma2 \S+ \(rad/s\)² ± \S+ %; all within 10 %", line)

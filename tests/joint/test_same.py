@@ -150,3 +150,16 @@ def test_a_wrong_model_is_rejected_and_a_tolerance_needs_no_model():
     assert "p = 0)" not in found.summary()
     with pytest.raises(OptionError):
         same(x, y, rate=RATE, model="WN + RW", tolerance=0.1)
+
+
+def test_the_test_of_all_parameters_decides_if_no_interval_excludes_one():
+    """Two small differences together are significant (p 0.035), and the remark does not call one of them clear."""
+    first, second = noise(20_000, 2, walk=0.02), noise(20_000, 3, scale=1.015, walk=0.023)
+    found = same(first, second, rate=RATE, model="WN + RW")
+    assert found.differs
+    (remark,) = found.remarks
+    assert remark.facts["alone"] == "no"
+    assert not any(test.differs or test.lower > 1 or test.upper < 1 for test in found.tests)
+    louder = same(first, 1.1 * second, rate=RATE, model="WN + RW")
+    assert louder.remarks[0].facts["alone"] == "yes"
+    assert any(test.differs and test.upper < 1 for test in louder.tests)

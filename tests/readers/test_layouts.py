@@ -346,6 +346,13 @@ def test_the_example_of_the_option_counts_columns_of_numbers(tmp_path):
     with raises(ReadError, code="no-inertial-data") as caught:
         gmwm.read(path)
     assert caught.value.facts["example"] == "gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"
+    path.write_text(  # two units in one file
+        "t," + ",".join(f"imu{unit}_{axis}" for unit in "01" for axis in ("gx", "gy", "gz", "ax", "ay", "az")) + "\n"
+        + "".join(f"{k / RATE},{','.join(map(str, [*GYRO[k], *ACCEL[k]] * 2))}\n" for k in range(SIZE))
+    )  # fmt: skip
+    with raises(ReadError, code="no-inertial-data") as caught:
+        gmwm.read(path)
+    assert caught.value.facts["example"] == "time:0,gyro_x:1,gyro_y:2,gyro_z:3,accel_x:4,accel_y:5,accel_z:6"
 
 
 def test_one_axis_that_is_not_read_is_a_warning(tmp_path):

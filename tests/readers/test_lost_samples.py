@@ -284,3 +284,20 @@ def test_gaps_of_lost_rows_and_time_stamps():
     pairs, stamped = [(3, 5), (9, 10), (20, 24)], [(10, 0.5), (22, 0.25), (23, 0.15)]
     found = gaps_of(pairs, [4, 8, 18], stamped=stamped, rate=10.0)
     assert found == ((4, pytest.approx(0.2)), (8, 0.5), (18, pytest.approx(0.6)))
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+def test_a_logger_that_writes_only_changes_is_refused_at_once(tmp_path, axes):
+    """The steps are so coarse that rows repeat. Without these rows, N was wrong, or `calibrate` took minutes."""
+    rng = np.random.default_rng(3)
+    values = 1e-3 * np.round(rng.normal(size=(ROWS, axes)) / (0.7 if axes == 1 else 3))
+    changed = np.append(True, np.any(np.diff(values, axis=0) != 0, axis=1))
+    changed[::700] = True  # some loggers also write at regular times
+    header = "time [s]," + ",".join(f"gyro_{'xyz'[k]} [rad/s]" for k in range(axes)) + "\n"
+    lines = [f"{k / 100:.2f},{','.join(map(str, row))}\n" for k, row in enumerate(values.tolist())]
+    path = saved(tmp_path, [line for line, new in zip(lines, changed.tolist(), strict=True) if new], header)
+    for opened in (read, stream):
+        with raises(ReadError, code="changes-only"):
+            opened(path)
+    some = saved(tmp_path, [line for line, lost in zip(lines, rng.random(ROWS) < 0.2, strict=True) if not lost], header)
+    assert len(read(some)["gyro_x"].segments) > 500

@@ -346,6 +346,17 @@ def test_losses_at_regular_distances_are_ambiguous_and_the_rate_decides():
     assert (lower.segments, lower.base.rate) == (((0, 18_000),), 90)
 
 
+@pytest.mark.parametrize(("rate", "start"), [(119.0, 1e5), (100.0, 1e5), (2000.0, 5000.3), (4000.0, 3000.2)])
+def test_the_steps_of_float32_are_no_lost_samples(rate, start):
+    """The interval is one to three steps of float32 at this time, so the rounded intervals look like lost samples."""
+    for stamps in (start + np.arange(8000) / rate, start + np.delete(np.arange(8000), [900, 4000, 6001]) / rate):
+        for stored in (stamps.astype(np.float32), stamps.astype(np.float32).astype(np.float64)):
+            found = base(stored)
+            assert found.base.rate == pytest.approx(rate, rel=1e-4)
+            assert not [remark for remark in found.remarks if remark.code == "rate-ambiguous"]
+            assert len(found.segments) - 1 == 8000 - stamps.size
+
+
 def test_a_counter_of_32_bits_and_summer_time_are_no_gaps():
     found = base((np.arange(5000) * 4000 + 2**32 - 10_000_000) % 2**32, "us")
     assert (found.base.rate, found.segments, found.base.backward) == (250, ((0, 5000),), 0)

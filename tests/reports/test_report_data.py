@@ -50,6 +50,7 @@ def test_the_verdict_has_the_outliers_and_the_axes(data, calibration):
     (outliers,) = [note for note in data["notes"] if note["code"] == "outliers-left-out"]
     assert outliers["state"] == "good"
     assert "gyro_y" in outliers["text"]
+    assert sum("finds no outliers" in text for text in data["outlier_tests"]) == 1  # once for two axes
     calibrated = points_of(data, "results")[0]
     assert calibrated["state"] == "good"
     assert all(text in calibrated["text"] for text in ("3 of 3", "17 min", "100 Hz"))
@@ -190,7 +191,7 @@ def test_a_calibration_of_wavelet_variances_has_no_recording(imu):
     data = report_data(bare)
     assert data["title"] == "Calibration"
     assert dict(data["recording"]["facts"])["Sampling rate"] == "100 Hz"
-    assert data["outliers"][0]["remarks"] == ["not tested"]
+    assert (data["outliers"][0]["found"], data["outlier_tests"]) == ("not tested", [])
 
 
 @pytest.mark.slow

@@ -119,3 +119,10 @@ def test_what_it_carries_is_what_was_fetched():
     version = re.search(r"@([\d.]+)", folder.joinpath("VERSION").read_text())[1]
     assert f"v{version}" in folder.joinpath("plotly-basic.min.js").read_text(encoding="utf-8")[:200]
     assert folder.joinpath("plotly-basic.LICENSE").read_text().startswith("MIT License")
+
+
+def test_negative_numbers_have_a_minus_sign_except_in_files(page):
+    """The signs of numbers are minus signs; the files between <pre> are as programs read them."""
+    assert re.search(r"<td>[^<]*\(?−\d", page)
+    shown = " ".join(Tags(re.sub(r"<pre.*?</pre>", "", page, flags=re.DOTALL)).text)
+    assert not re.findall(r"(?<![\w.=−-])-\.?\d", shown)

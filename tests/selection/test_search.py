@@ -233,7 +233,7 @@ def test_the_steps_say_why_each_family_was_entered_and_left():
     for step in (*with_line.steps, *resonant.steps, *given):
         assert SearchStep.from_dict(json.loads(json.dumps(step.to_dict()))) == step
         assert step.text().startswith(f"{step.family}: ")
-        assert ("Result." in step.text()) is step.used
+        assert ("gives the model of the axis." in step.text()) is step.used
 
 
 @pytest.mark.slow

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from gmwm.base.remarks import Remark
 
 ReadCode = Literal[
-    "changed", "checksum-wrong", "chunk-damaged", "column-not-numbers", "columns-ambiguous", "columns-unnamed",
-    "cut-off", "damaged", "dates-unreadable", "dates-without-times", "decimal-comma", "empty",
+    "changed", "changes-only", "checksum-wrong", "chunk-damaged", "column-not-numbers", "columns-ambiguous",
+    "columns-unnamed", "cut-off", "damaged", "dates-unreadable", "dates-without-times", "decimal-comma", "empty",
     "encrypted", "files-missing", "header-damaged", "header-mismatch", "incomplete", "index-damaged",
     "integers-too-large", "is-directory", "line-too-long", "message-damaged", "message-encoding",
     "no-array", "no-index", "no-inertial-data", "no-numbers", "no-recording", "no-time", "not-a-file",

@@ -12,7 +12,17 @@ from html import escape
 from string import Formatter
 from typing import Any
 
-from gmwm.base.text import counted, duration_text, length_text, list_text, moment, p_relation, round_fixed, round_text
+from gmwm.base.text import (
+    counted,
+    duration_text,
+    length_text,
+    list_text,
+    moment,
+    p_relation,
+    round_fixed,
+    round_text,
+    with_minus,
+)
 
 
 class Dialect(Enum):
@@ -126,14 +136,14 @@ def fact_text(fact: Fact, spec: str = "") -> str:
     if spec == "p":
         return p_relation(value)
     if spec == "percent":
-        return f"{round_text(100 * value)} %"
+        return with_minus(f"{round_text(100 * value)} %")
     if isinstance(value, bool | int):
         number = str(value)
     elif math.isfinite(value) and (not spec or re.fullmatch(r"\.[1-6]g", spec)):
         number = round_text(value, int(spec[1]) if spec else 3)
     else:
         number = format(value, spec)
-    return f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip()
+    return with_minus(f"{number}{unit}" if unit == "°" else f"{number} {unit}".rstrip())
 
 
 def join_names(names: Sequence[str], most: int = 6) -> str:

@@ -49,6 +49,18 @@ def round_text(value: float, digits: int = 2) -> str:
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
+_HYPHEN_OF_NUMBER = re.compile(r"(?<![\w.=−-])(?<!fixed\()-(?=\.?\d|inf\b)")
+
+
+def with_minus(text: str) -> str:
+    """Write the signs of negative numbers as minus signs. Exponents, options and models stay as programs read them.
+
+    >>> with_minus("-0.5 (-1e-05 … 20-25), --scale x=-2, AR1(phi=fixed(-0.3))")
+    '−0.5 (−1e-05 … 20-25), --scale x=-2, AR1(phi=fixed(-0.3))'
+    """
+    return _HYPHEN_OF_NUMBER.sub("−", text)
+
+
 def gap_text(share: float) -> str:
     """Format the gap of a certificate as a percentage, at least 0.001 %: smaller ones are rounding errors.
 
@@ -219,6 +231,7 @@ def align(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: st
     """
     if not rows:
         return []
+    rows = [[with_minus(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:

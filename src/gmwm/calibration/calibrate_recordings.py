@@ -31,7 +31,7 @@ from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import bias_at_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.choosing.datasheets import datasheet, model_datasheet, with_limits
+from gmwm.choosing.datasheets import Datasheet, datasheet, model_datasheet, with_limits
 from gmwm.choosing.selection.search import ModelChoice, given_curve, given_model, search, within_family
 from gmwm.choosing.selection.shared_form import with_shared_form
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, usable_levels
@@ -60,8 +60,7 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
     options = options.of_axis(measured.axis)
     curve, level, ranking = measured.curve(options), options.confidence, choice.ranking
     fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
-    lines = () if measured.spectrum is None else measured.spectrum.lines
-    sheet = with_band(averaged_datasheet(model_datasheet(fit, level), ranking, level), choice.band, lines, level)
+    sheet = sheet_of(fit, measured.spectrum, level, choice)
     raw = measured.raw_curve(options)
     means = list(measured.means.values())
     axis = AxisCalibration(
@@ -77,6 +76,14 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
     _ = fit.replicates, ranking.remarks
     prepare_remarks(measured.axis, axis)
     return axis
+
+
+def sheet_of(fit: Fit, spectrum: PowerSpectrum | None, level: float, choice: ModelChoice | None) -> Datasheet:
+    """Return the numbers of a fit, whose intervals include the uncertainty of the choice of its model, if any."""
+    sheet, lines = model_datasheet(fit, level), () if spectrum is None else spectrum.lines
+    if choice is None:
+        return with_band(sheet, {}, lines, level)
+    return with_band(averaged_datasheet(sheet, choice.ranking, level), choice.band, lines, level)
 
 
 def additions_to(fit: Fit, beginnings: Sequence[Signal]) -> dict[str, Any]:

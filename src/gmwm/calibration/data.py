@@ -50,7 +50,7 @@ class Recordings:
             )  # fmt: skip
         inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
         axes, missing = common_axes(inputs)
-        require_axes(options.models, axes)
+        require_axes(options, axes)
         curves = {
             name: {axis: item for axis, item in of_axes.items() if axis in axes and not isinstance(item, Signal | None)}
             for name, of_axes in inputs.items()
@@ -156,11 +156,16 @@ def _check_unit(axis: str, unit: str) -> None:
         )
 
 
-def require_axes(models: Mapping[str, object], axes: Sequence[str]) -> None:
-    """Raise an OptionError if a model is given for an axis or sensor that is not calibrated."""
-    for name in models:
+def require_axes(options: CalibrationOptions, axes: Sequence[str]) -> None:
+    """Raise an OptionError if a model is for an axis or sensor that is not calibrated, or `within` is for no axis."""
+    for name in options.models:
         if name not in axes and name not in map(sensor_of, axes):
             raise OptionError(argument="models", expected=f"models of some of {', '.join(axes)}", got=name)
+    if not options.searched and options.gives_all(axes):
+        raise OptionError(
+            "a model is given for every axis, so that no models are compared", argument="within",
+            got=str(options.within), advice="Leave {--within} out, or leave an axis out of {--models}.",
+        )  # fmt: skip
 
 
 def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], dict[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -119,6 +119,10 @@ class CalibrationOptions:
         if model is None:
             return replace(self, models={})
         return replace(self, within=model, models={axis: model})
+
+    def gives_all(self, axes: Iterable[str]) -> bool:
+        """Whether `models` has a model for each of these axes or its sensor, so that `within` has no effect."""
+        return all(axis in self.models or sensor_of(axis) in self.models for axis in axes)
 
     @property
     def ranking(self) -> RankingOptions:

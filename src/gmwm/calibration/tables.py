@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule, with_minus
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -79,7 +79,7 @@ def with_error(entry: Entry) -> str:
     half = (high - low) / 2
     digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
     shown = round(value, digits) + 0.0  # no minus sign before zero
-    return f"{shown:.{digits}f} ± {half:.{digits}f}".replace("-", "−")
+    return with_minus(f"{shown:.{digits}f} ± {half:.{digits}f}")
 
 
 def wrap_text(text: str) -> list[str]:

@@ -160,7 +160,7 @@ def calibrate(
     Estimation:
         model (--model, -m [AXIS=]MODEL): Model to fit instead of comparing models: MODEL for all axes, gyro=MODEL or
             accel=MODEL for the three axes of a sensor, gyro_x=MODEL for one axis. Repeat the option for other axes;
-            gmwm chooses the models of the axes that are not named.
+            gmwm chooses the models of the axes that are not named, so a MODEL for all excludes --within.
         robust: Axes with the robust wavelet variance: auto, those where a test finds knocks or motion (5 % level for
             all axes together; none if --within has a sinusoid); yes, all axes; no, none.
     Result:
@@ -190,8 +190,8 @@ def calibrate(
         axes = chosen_names(list(names), axis)
         models = stated if isinstance(stated, dict) else dict.fromkeys(axes, stated)
         with named_as_options({"models": "--model"}):
-            require_axes(models, axes)
             chosen = replace(options, axes=axes, models=models)
+            require_axes(chosen, axes)
             calibration = _unite(groups, files, chosen, scheduler=scheduler, workers=workers, helpers=processes)
         return _outcome(
             calibration, files, output, view=view or "auto", units=picture_units(datasheet), details=details,
@@ -231,7 +231,8 @@ def _unite(
             models = {
                 name: model for name, model in options.models.items() if name in axes or name in map(sensor_of, axes)
             }
-            group_options = replace(options, axes=axes, models=models)
+            within = SEARCHED if options.gives_all(axes) else options.within
+            group_options = replace(options, axes=axes, models=models, within=within)
             calibrations.append(
                 run_calibration(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
             )

@@ -22,7 +22,7 @@ from gmwm.base.extras import is_installed, missing
 from gmwm.base.remarks import Dialect, Remark, Severity, brief
 from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.reporting import warn
-from gmwm.base.text import TEXT_WIDTH
+from gmwm.base.text import TEXT_WIDTH, with_minus
 from gmwm.base.threads import in_threads
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def table_text(
     for k, column in enumerate(columns):
         table.add_column(column, justify="left" if k < texts else "right", no_wrap=True)
     for k, row in enumerate(rows):
-        table.add_row(*row, end_section=k in rules)
+        table.add_row(*map(with_minus, row), end_section=k in rules)
     console = Console(highlight=False, markup=False, width=10_000)
     with console.capture() as captured:
         console.print(table)

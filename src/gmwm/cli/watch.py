@@ -132,7 +132,8 @@ def one_line_of(
     parts = [f"{duration_text(first.samples / first.rate)}, {first.samples} samples"]
     for axis, curve in curves.items():
         if axis in fits:
-            values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], IntervalMethod()).items())
+            texts, units = short_values(fits[axis], IntervalMethod()), fits[axis].units()
+            values = ", ".join(f"{name} {_with_unit(value, units[name])}" for name, value in texts.items())
             errors = _errors(fits[axis])
             free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed_names]
             inaccurate = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
@@ -147,9 +148,15 @@ def one_line_of(
             heights, times = shown.height(curve.variance), shown.time(curve.tau)
             k = int(heights.argmin())
             error = f"{100 * _relative(curve)[k]:.2g} %"
-            parts.append(f"{axis}: {heights[0]:.3e} at {times[0]:.3g} s, least {heights[k]:.3e} ± {error} at "
-                         f"{times[k]:.3g} s")  # fmt: skip
+            first_height, least = (_with_unit(f"{heights[place]:.4g}", shown.unit) for place in (0, k))
+            parts.append(f"{axis}: {first_height} at {times[0]:.3g} s, least {least} ± {error} at {times[k]:.3g} s")
     return " | ".join(parts)
+
+
+def _with_unit(text: str, unit: str) -> str:
+    """Return the text of a number with the unit before its error; words such as "fixed" stay as they are."""
+    number, plus_minus, error = text.partition(" ± ")
+    return f"{number} {unit}".rstrip() + plus_minus + error if number[-1].isdigit() else text
 
 
 def as_dicts(

@@ -57,7 +57,7 @@ def plotly_figure(panel: Panel, width: float, height: float = 330, *, title: boo
         layout["title"] |= {"x": 0.01, "xanchor": "left", "font": {"size": 13}, "y": 0.98, "yanchor": "top"}
     layout |= {
         "height": height + (foot if names else 20), "autosize": True,
-        "margin": {"l": 64, "r": 14, "t": 26, "b": foot if names else 44, "pad": 0},
+        "margin": {"l": 72, "r": 14, "t": 26, "b": foot if names else 44, "pad": 0},
         "font": {"family": FONT, "size": 12, "color": "#1b1f24"},
         "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)",  # that of the page
         "hovermode": "closest", "dragmode": False,

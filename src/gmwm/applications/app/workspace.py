@@ -22,14 +22,17 @@ from gmwm.base.text import duration_text
 from gmwm.base.threads import in_threads, stoppable
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import SI_UNIT, by_sensor, sensor_of
-from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit
+from gmwm.calibration.averaging import averaged_intervals
+from gmwm.calibration.calibrate_recordings import choose_model, final_fit, given_fit, sheet_of
 from gmwm.calibration.data import Recordings
 from gmwm.calibration.measure import MeasuredAxis, measure
 from gmwm.calibration.passes import Execution
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.choosing.selection.shared_form import with_shared_form
 from gmwm.files.readers.streams import Stream, is_large
+from gmwm.fitting.estimation.intervals import Interval
 from gmwm.fitting.estimation.result import Fit
+from gmwm.fitting.estimation.summary import IntervalMethod, intervals_if_known
 from gmwm.measuring.inspection import inspect
 from gmwm.measuring.variance.result import WaveletVariances
 from gmwm.recording.chunks import Chunk
@@ -327,6 +330,19 @@ class Workspace:
         key = self._axis_key(session, axis, session.models.get(axis))
         # Removing a term and adding it again takes no time.
         return self.jobs.ask("fit", key, f"Fitting {axis}", work, kept=64)
+
+    def intervals(self, session: Session, axis: str) -> Job:
+        """Compute the intervals of the parameters of `fit` like `gmwm calibrate`."""
+        fitted, level = self.fit(session, axis), session.confidence
+
+        def work(job: Job) -> dict[str, Interval]:
+            fit, spectrum = fitted.result_for(job), self._axis(session, axis, job).spectrum
+            choice = None if axis in session.models else self.search(session, axis).result_for(job)
+            intervals = intervals_if_known(fit, IntervalMethod(level))[0]
+            return averaged_intervals(fit, intervals, sheet_of(fit, spectrum, level, choice)) if intervals else {}
+
+        key = self._axis_key(session, axis, session.models.get(axis))
+        return self.jobs.ask("intervals", key, f"Intervals of {axis}", work, kept=64)
 
     def search(self, session: Session, axis: str) -> Job:
         """Search for the model of an axis like `gmwm calibrate`, with the form that the axes of its sensor share."""

@@ -14,7 +14,7 @@ from gmwm.applications.monitor.whitening import Gain, Whitener, number, numbers,
 from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import ReadError
-from gmwm.base.text import counted, round_text
+from gmwm.base.text import counted, round_text, with_minus
 
 Kind = Literal[
     "noise-up", "noise-down", "jump", "ramp", "hum", "spike", "frozen", "saturated", "lost", "clock", "moved", "still"
@@ -110,7 +110,7 @@ class Event:
 
     def __str__(self) -> str:
         subject = self.axis or "unit"
-        return f"{self.time:.1f} s  {subject}  {self.description} (began {self.began:.1f} s)"
+        return with_minus(f"{self.time:.1f} s  {subject}  {self.description} (began {self.began:.1f} s)")
 
 
 NAMING_S = 1.0

@@ -60,6 +60,11 @@ class ParameterRatio:
     lower: float
     upper: float
 
+    @property
+    def excludes_one(self) -> bool:
+        """Whether 1 is outside the interval. The test of all parameters decides; it may disagree with an interval."""
+        return not self.lower <= 1 <= self.upper
+
 
 @dataclass(frozen=True, kw_only=True)
 class SameParameters:
@@ -158,7 +163,7 @@ class SameNoise(RecordingComparison, Tabular):
             return tuple(row.difference for row in self.levels)
         return tuple(
             Difference(name=f"{test.axis} {part.name}, {part.recording}", ratio=part.ratio, lower=part.lower,
-                       upper=part.upper, pvalue=test.pvalue, differs=test.differs)
+                       upper=part.upper, pvalue=test.pvalue, differs=test.differs and part.excludes_one)
             for test in self.parameters for part in test.ratios
         )  # fmt: skip
 
@@ -205,7 +210,7 @@ class SameNoise(RecordingComparison, Tabular):
                     "recordings-differ", test.axis, case="parameters",
                     name=most.name, recording=most.recording, other=self._other,
                     ratio=most.ratio, lower=most.lower, upper=most.upper, confidence=self.confidence,
-                    p=test.pvalue,
+                    p=test.pvalue, alone="yes" if most.excludes_one else "no",
                 )  # fmt: skip
         adjusted = holm([test.fit_pvalue for test in self.parameters]).tolist()
         pairs = zip(self.parameters, adjusted, strict=True)
@@ -235,7 +240,7 @@ class SameNoise(RecordingComparison, Tabular):
         two, level = len(self.recordings) == 2, f"{100 * self.confidence:g} %"
         ratio = " over ".join(self.recordings) if two else "each recording over the mean of the others"
         if self.parameters:
-            head = f"Ratio of the parameters, {ratio}; p is the p-value of the test of all parameters of an axis"
+            head = f"Ratio of the parameters, {ratio}; p of the test of all parameters of an axis, which decides"
             rows = [["axis", "recording", "parameter", "ratio", level, "p"]]
             for test in self.parameters:
                 for part in test.ratios:

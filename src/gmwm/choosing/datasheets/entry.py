@@ -15,7 +15,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Tabular
-from gmwm.base.text import align, round_text
+from gmwm.base.text import align, round_text, with_minus
 from gmwm.base.units import datasheet_units, spelt
 
 if TYPE_CHECKING:
@@ -135,8 +135,8 @@ class Entry:
             return "not determined"
         if self.upper_only:
             return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)}{unit}".replace("± ", "±")
-        shown = [part.replace("-", "−") if part.startswith("-") else part for part in _alike(value, low, high)]
-        return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
+        shown = _alike(value, low, high)
+        return with_minus(f"{shown[0]} ({shown[1]} … {shown[2]}){unit}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain values for JSON. An infinite limit becomes None."""

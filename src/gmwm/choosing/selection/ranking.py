@@ -90,7 +90,8 @@ class SearchStep(Documented):
         reason = EXIT_TEXTS[self.left].format(
             model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=REJECTED
         )
-        return round_fixed(f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{' Result.' if self.used else ''}")
+        used = " This step gives the model of the axis." if self.used else ""
+        return round_fixed(f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{used}")
 
 
 def _in_brackets(pvalue: float | None) -> str:

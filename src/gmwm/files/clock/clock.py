@@ -66,6 +66,7 @@ class _StampBlock:
     backward: int
     steps: ClockSteps  # wraps of a counter and changes of summer time
     spaced: bool  # whether the intervals are multiples of a tenth of a sampling interval or more, as if rounded
+    of_float32: bool  # whether float32 sets the resolution of the time stamps
     course: Matrix  # index of the sample and time stamp of some rows (M, 2), between which the rate is compared
     end: float  # tick of the first row of the next block
 
@@ -134,6 +135,7 @@ class _StampWindow:
     spacing: float
     per_second: int
     integer: bool
+    of_float32: float  # resolution if the time stamps were stored as float32; otherwise 0
 
     @classmethod
     def of(cls, values: NDArray[Any], first: int | float, unit: str) -> _StampWindow:
@@ -147,8 +149,16 @@ class _StampWindow:
             spacing=0.0
             if exact
             else float(np.spacing(np.max(np.abs(values.astype(np.float64, copy=False))))) * seconds,
-            per_second=TIME_UNITS.get(unit, 1), integer=exact,
+            per_second=TIME_UNITS.get(unit, 1), integer=exact, of_float32=_spacing_of_float32(values) * seconds,
         )  # fmt: skip
+
+
+def _spacing_of_float32(values: NDArray[Any]) -> float:
+    """Return the resolution of time stamps that were stored as float32; 0 if they have more digits or are integers."""
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    stored = values.dtype.kind == "f" and np.array_equal(single, values)
+    return float(np.spacing(np.max(np.abs(single)))) if stored else 0.0
 
 
 def _block(
@@ -166,7 +176,7 @@ def _block(
     require_one_rate(ticks, per_second, offset)
     declared = before[0].found.interval if before else None
     declared = per_second / rate if rate is not None else declared
-    resolution = resolution_of(ticks, window.spacing)
+    resolution = max(resolution_of(ticks, window.spacing), window.of_float32)
     losses = find_losses(ticks, resolution, declared)
 
     lost = np.zeros(ticks.size, dtype=np.int64)
@@ -197,7 +207,8 @@ def _block(
         whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
         steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
-        spaced=resolution > 0.1 * losses.interval, course=_course(index, ticks[block]),
+        spaced=resolution > 0.1 * losses.interval, of_float32=resolution == window.of_float32,
+        course=_course(index, ticks[block]),
     )  # fmt: skip
 
 
@@ -314,8 +325,8 @@ def _about_regular(rows: Rows, lost: Rows, count: int, rate: float) -> Remark | 
 
 def _about_rounded(blocks: Sequence[_StampBlock], count: int, rate: float, per_second: int) -> Remark | None:
     """Return a remark if the time stamps have two explanations, rounding at this rate or regular losses at a higher
-    rate: all intervals are multiples of the most common one, and no time stamp repeats."""
-    if not all(b.exact and not b.found.rows.size and not b.duplicates for b in blocks):
+    rate: all intervals are multiples of the most common one, and no time stamp repeats. Float32 explains this alone."""
+    if not all(b.exact and not b.found.rows.size and not b.duplicates and not b.of_float32 for b in blocks):
         return None
     other = per_second / blocks[0].median
     lost = sum(b.whole for b in blocks) / blocks[0].median - (count - 1)

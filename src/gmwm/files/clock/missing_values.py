@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
+from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import IMPOSSIBLE
 from gmwm.files.contract import Rows
@@ -140,6 +142,30 @@ def about_lost(base: TimeBase, impossible: int, lacking: Mapping[str, int]) -> I
             yield Remark.of("samples-lost", case="lost", count=count)
     if impossible:
         yield Remark.of("samples-lost", case="impossible", count=impossible, limit=IMPOSSIBLE)
+
+
+_RECURRING = 100
+"""Least number of values that recur after two rows, and of gaps; then repeated rows are missing, beyond chance, if they
+are hundred times rarer (tests/readers/test_lost_samples.py)."""
+
+
+def require_repeated_rows(axes: Mapping[str, Vector], base: TimeBase) -> None:
+    """Raise a ReadError if only rows with a new value were written: they depend on the noise."""
+    if len(base.gaps) < _RECURRING:
+        return
+    values = np.stack(list(axes.values()))
+    gaps = sum(row < values.shape[1] for row, _ in base.gaps)
+    repeated, recurring = (
+        int(np.count_nonzero(np.all(values[:, apart:] == values[:, :-apart], axis=0))) for apart in (1, 2)
+    )
+    if min(gaps, recurring) >= _RECURRING and _RECURRING * repeated <= recurring:
+        raise ReadError(
+            f"the logger wrote a row only when a value had changed: rows are missing in {counted(gaps, 'gap')}, "
+            f"and of the rows, {repeated} repeat the one before, but {recurring} the one before that",
+            code="changes-only",
+            advice="Write every sample, or repeat the last row at each missing time stamp. Without these rows, the "
+            "noise is not that of the sensor.",
+        )
 
 
 def whole_numbers(column: NDArray[np.generic]) -> NDArray[np.int64]:

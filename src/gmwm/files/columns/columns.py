@@ -241,6 +241,8 @@ def _guess(layout: Layout) -> str:
     guess = usual.get(len(numbers), AXES)
     if len(numbers) in (6, 7) and _is_gravity([cells[k] for k in numbers[-6:-3]]):
         guess = (*guess[:-6], *AXES[3:], *AXES[:3])
+    if len(numbers) > 7:  # several sensors, or a sensor among other columns
+        return ",".join(f"{role}:{k}" for role, k in zip(usual[7], numbers, strict=False))
     if count > 30 or len(numbers) not in usual:
         return ",".join(f"{axis}:{k}" for axis, k in zip(AXES[:3], numbers[1:] or range(3), strict=False))
     roles = dict(zip(numbers, guess, strict=True))

@@ -18,7 +18,16 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.base.units import SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import clock_of
-from gmwm.files.clock.missing_values import Sifted, as_floats, dead_axes, is_missing, sift, sparse_axes, values_of_axes
+from gmwm.files.clock.missing_values import (
+    Sifted,
+    as_floats,
+    dead_axes,
+    is_missing,
+    require_repeated_rows,
+    sift,
+    sparse_axes,
+    values_of_axes,
+)
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps
@@ -160,6 +169,7 @@ def understand(
     rate, integrals = time.base.rate, options.integrals
     ones = {axis: np.ones(1) for axis in choice.axes}
     counts = _first_samples(rows, choice, axes, source)
+    require_repeated_rows(counts, time.base)
     offset = [
         s for s in SI_UNIT if (members := [a for a in axes if axis_quantity(a) == s]) and offset_counts(members, counts)
     ]

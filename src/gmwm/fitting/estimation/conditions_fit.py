@@ -13,7 +13,7 @@ import numpy as np
 from gmwm.base.documents import plain
 from gmwm.base.errors import OptionError
 from gmwm.base.results import Plotted
-from gmwm.base.text import Summarised, align, gap_text, p_relation
+from gmwm.base.text import Summarised, align, gap_text, p_relation, with_minus
 from gmwm.fitting.estimation.intervals import UNDETERMINED_HALF_WIDTH
 from gmwm.fitting.estimation.varies import parse_varies
 from gmwm.measuring.variance.result import WaveletVariance
@@ -159,7 +159,7 @@ class ConditionsFit(Summarised, Plotted):
 
     def summary(self) -> str:
         """Format a table of the estimates with 95 % confidence intervals, followed by the certificate and the tests."""
-        conditions = ", ".join(f"{c:.4g}" for c in self.curves)
+        conditions = with_minus(", ".join(f"{c:.4g}" for c in self.curves))
         rows = [("", "estimate", "95 % interval")]
         for name, estimate in self.estimates.items():
             low, high = estimate.interval()

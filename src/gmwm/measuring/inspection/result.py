@@ -9,7 +9,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.template import render
-from gmwm.base.text import Summarised, counted, duration_text, moment
+from gmwm.base.text import Summarised, counted, duration_text, moment, with_minus
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import usual_unit
 from gmwm.measuring.inspection.knocks import Knock, Step
@@ -177,7 +177,7 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
     if inspection.knocks and not inspection.has_knocks:
         lines.append("these knocks change N by less than 0.5 %")
     for step in inspection.steps[:5]:
-        change = f"{_size(step.size, inspection.axes[step.axis].unit, '+.3g')}, {step.times:.0f} sd"
+        change = f"{_size(step.size, inspection.axes[step.axis].unit, '+g')}, {step.times:.0f} sd"
         lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")
     if len(inspection.steps) > 5:
         lines.append(f"and {counted(len(inspection.steps) - 5, 'more jump')}")
@@ -192,20 +192,20 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
     lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
-    return "\n".join(lines)
+    return with_minus("\n".join(lines))
 
 
-def _size(size: float, si: str, spec: str = ".3g") -> str:
+def _size(size: float, si: str, spec: str = "g") -> str:
     """Format the size of a change in the usual unit."""
     unit, factor = usual_unit(si)
-    return f"{factor * size:{spec}} {unit}"
+    return f"{float(f'{factor * size:.3g}'):{spec}} {unit}"
 
 
 def _trend_line(trend: Trend, unit: str) -> str:
     """Return a line of text about a trend."""
     if trend.kind != "exponential" or trend.tau is None:
-        return f"{trend.kind} trend of {trend.axis}: {_size(-trend.size, unit, '+.3g')} from the beginning to the end"
-    size = f"{_size(trend.size, unit, '+.3g')} at first, time constant {duration_text(trend.tau)}"
+        return f"{trend.kind} trend of {trend.axis}: {_size(-trend.size, unit, '+g')} from the beginning to the end"
+    size = f"{_size(trend.size, unit, '+g')} at first, time constant {duration_text(trend.tau)}"
     if trend.until is None:
         return f"exponential trend of {trend.axis} ({size})"
     return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"

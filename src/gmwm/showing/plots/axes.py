@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.text import with_minus
 from gmwm.showing.plots.figure import Axis, Figure, Panel, Tick, drawable
 
 _POWERS = tuple("⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,8 +36,8 @@ def number_text(value: float, digits: int = 3) -> str:
     mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
     power = int(exponent)
     if -3 <= power <= 3:
-        return f"{float(f'{value:.{digits}g}'):g}"
-    return f"{float(mantissa):g}×10{str(power).translate(_SUPERSCRIPT)}"
+        return with_minus(f"{float(f'{value:.{digits}g}'):g}")
+    return with_minus(f"{float(mantissa):g}×10{str(power).translate(_SUPERSCRIPT)}")
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
@@ -168,7 +169,7 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
         far = [tick.value for tick in power_ticks((linear, reached), at_most=4 if low and high else 7)[0]]
         places = sorted({0.0, linear, -linear, *far, *(-value for value in far)})
     inside = [value for value in places if limits[0] <= value <= limits[1]]
-    ticks = tuple(Tick(value, f"{value:g}".replace("-", "−")) for value in inside)
+    ticks = tuple(Tick(value, with_minus(f"{value:g}")) for value in inside)
     return Axis(label, limits, ticks, grid=tuple(inside), linear=reach)
 
 
@@ -207,7 +208,7 @@ def number_at(value: float, decimals: int) -> str:
     >>> number_at(-0.25, 2), number_at(0.0, 2)
     ('−0.25', '0')
     """
-    return "0" if value == 0 else f"{value:.{decimals}f}".replace("-", "−")
+    return "0" if value == 0 else with_minus(f"{value:.{decimals}f}")
 
 
 def even_axis(low: float, high: float, label: str, *, margin: float, at_most: int = 8) -> Axis:

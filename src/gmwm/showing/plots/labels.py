@@ -111,7 +111,7 @@ def _physical_text(number: Physical, unit: str, named: bool) -> str:
         return f"{number.symbol} = {duration_text(number.value)}"
     si, factor = noise_unit(number.time_power, unit)
     name, size = usual_unit(si)
-    return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}".replace("-", "−")
+    return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}"
 
 
 def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
@@ -140,7 +140,7 @@ def parameter_text(parameter: Parameter, value: float, view: View) -> str:
         return f"{_three_digits(value)} Hz"
     if parameter.signal_power == 0 and parameter.time_power == -1 and value > 0:
         return f"T = {duration_text(1 / value)}"
-    return f"{parameter.symbol} = {number_text(value)}".replace("-", "−")
+    return f"{parameter.symbol} = {number_text(value)}"
 
 
 def _three_digits(value: float) -> str:

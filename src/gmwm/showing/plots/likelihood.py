@@ -371,7 +371,7 @@ def _title(tracks: Tracks, label: str, shown: View) -> str:
 
 def _less(title: str, amount: float, shown: View) -> str:
     """Return the title with the constant that was subtracted; unchanged if the constant is 0."""
-    written = number_text(amount, 6).replace("-", "−")
+    written = number_text(amount, 6)
     return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
+from gmwm.base.text import with_minus
 from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.showing.plots.axes import signed_axis, time_axis
@@ -207,7 +208,7 @@ def plot_candidates(
     curves = _curves(pair, strokes, view, units)
     names = " against ".join(model_text(c.model.terms) for c in pair)
     name, scores = _score_name(pair[0]), [_score(c) for c in pair]
-    difference = f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}".replace("-", "−")
+    difference = with_minus(f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}")
     title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
     heights = (74.0, 56.0)
     panels = ((curves,), (_distances(pair, strokes, view, units),))

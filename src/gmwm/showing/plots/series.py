@@ -194,11 +194,7 @@ def _stroke(axis: str) -> Stroke:
 
 def _without_mean(title: str, mean: float, unit: str) -> str:
     """Return the title with the mean that was subtracted from the signal; unchanged if the mean is 0."""
-    return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
-
-
-def _number(value: float) -> str:
-    return number_text(value, 6).replace("-", "−")
+    return f"{title} less its mean of {number_text(mean, 6)} {unit}".strip() if mean else title
 
 
 def quantity_name(unit: str) -> str:
@@ -280,7 +276,7 @@ def plot_components(
     columns = round(DOTS_OF_MM * PAGE)
     offset = shown.factor * simulated.offset
     name = axis_title(signal.axis) if signal.axis else "Signal"
-    less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
+    less = f" less {number_text(offset, 6)} {shown.unit}".rstrip() if offset else ""
     step = simulated.resolution
     steps = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
     title = f"{name}{less}: {model_text(model.terms)}{steps}"

@@ -139,7 +139,8 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     -------
     dict
         The content, with the keys `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`,
-        `sensors`, `axes`, `outliers`, `sections`, `configurations`, `left_out`, `citation`, `pictures` and `gmwm`.
+        `sensors`, `axes`, `outliers`, `outlier_tests`, `sections`, `configurations`, `left_out`, `citation`,
+        `pictures` and `gmwm`.
 
     Raises
     ------
@@ -192,6 +193,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "sensors": sensors,
         "axes": axes,
         "outliers": [_outliers(name, axis) for name, axis in calibration.axes.items()],
+        "outlier_tests": _outlier_tests(calibration),
         "confidence": f"{100 * calibration.settings.confidence:g} %",
         "short_legend": short_legend(calibration),
         "sections": {name: asdict(section) for name, section in sections(calibration).items()},
@@ -266,9 +268,8 @@ def regression_table(regression: Regression | None) -> dict[str, Any]:
     rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
     for name, coefficient in regression.items():
         low, high = coefficient.interval()
-        value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}".replace("-", "−")
-        interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
-        rows.append([name, value, interval, coefficient.unit, p_text(coefficient.pvalue)])
+        value = f"{coefficient.value:.4g} ± {coefficient.error:.2g}"
+        rows.append([name, value, _interval(low, high), coefficient.unit, p_text(coefficient.pvalue)])
     state = "removed before the noise was measured" if regression.applied else "not removed"
     zero = ", ".join(f"{name} = {value:g}" for name, value in regression.references.items() if name != WARM_UP)
     text = f"Effect of {regression.against}: {state}. Joint F test: p {p_relation(regression.pvalue)}."
@@ -349,21 +350,27 @@ def _interval(low: float, high: float) -> str:
     return f"{low:.4g} … {high:.4g}"
 
 
-def _outliers(name: str, axis: AxisCalibration) -> dict[str, Any]:
+def _outliers(name: str, axis: AxisCalibration) -> dict[str, str]:
     """Return the result of the outlier test of an axis, which compares the classical and robust wavelet variances."""
     verdict, robust = axis.verdict, axis.fit.wavelet_variance.robust
     row = {"axis": name, "fitted": "robust" if robust else "classical", "p": "", "most": ""}
     row["found"] = outliers_word(axis)
     if verdict is None:
-        return row | {"remarks": ["not tested"]}
+        return row
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
         sign = "+" if verdict.excess[most] >= 0 else ""
-        percent = f"{sign}{round_text(100 * float(verdict.excess[most]))}".replace("-", "−")
-        row["most"] = f"{percent} % at {significant(verdict.tau[most], 3)} s"
-    remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return row | {"p": p_text(verdict.pvalue), "remarks": remarks}
+        row["most"] = (
+            f"{sign}{round_text(100 * float(verdict.excess[most]))} % at {significant(verdict.tau[most], 3)} s"
+        )
+    return row | {"p": p_text(verdict.pvalue)}
+
+
+def _outlier_tests(calibration: Calibration) -> list[str]:
+    """Return the results of the outlier tests as HTML, once for axes with the same result."""
+    tests = {name: axis.verdict for name, axis in calibration.axes.items() if axis.verdict is not None}
+    return texts((remark.about(name) for name, verdict in tests.items() for remark in verdict.remarks), Dialect.HTML)
 
 
 GROUP = "gmwm.reports"

@@ -23,7 +23,7 @@ from typing import Any
 from gmwm.base.atomic_files import write_text, written_whole
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Severity, with_groups
-from gmwm.base.text import counted, version
+from gmwm.base.text import counted, version, with_minus
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import short_legend
@@ -135,6 +135,7 @@ def environment() -> Any:
 
     templates = jinja2.Environment(
         autoescape=True,
+        finalize=lambda value: with_minus(value) if type(value) is str else value,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from dash import ALL, Dash, Input, Output, State, html, no_update
@@ -14,9 +16,10 @@ from gmwm.base.errors import GmwmError, OptionError
 from gmwm.base.text import gap_text, p_text, round_fixed
 from gmwm.base.units import sensor_of
 from gmwm.choosing.selection.search import ModelChoice
-from gmwm.fitting.estimation.model_error import relative_misfit
+from gmwm.fitting.estimation.intervals import Interval
+from gmwm.fitting.estimation.model_error import having_error, relative_misfit
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, intervals_if_known, rows, test_in_words
+from gmwm.fitting.estimation.summary import IntervalMethod, estimate_text, rows, test_in_words
 from gmwm.measuring.inspection.findings import covariates_text, effect_text
 from gmwm.recording.signals import Imu
 from gmwm.showing.plots.labels import axis_title
@@ -197,12 +200,13 @@ def _fit(session: Session, workspace: Workspace, width: float) -> Any:
                 figure, {"type": "fitted", "axis": axis}, f"Fit of {axis_title(axis)}", edits={"shapePosition": True}
             ),
             widgets.graph(residual, "residual", f"Distance of the model of {axis_title(axis)} from the data, by scale"),
-            html.Div([_parameters(fit, session), _tests(fit)], className="beside"),
+            html.Div([widgets.of_job(intervals, partial(_parameters, fit, session)), _tests(fit)], className="beside"),
             widgets.remarks(fit.remarks),
         ]
 
     comes = "the curve of the axis with its model, the parameters and the tests"
-    return widgets.of_job(workspace.fit(session, axis), show, comes=comes)
+    fitted, intervals = workspace.fit(session, axis), workspace.intervals(session, axis)
+    return widgets.of_job(fitted, show, comes=comes)
 
 
 def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
@@ -215,11 +219,9 @@ def _regression_note(fit: Fit, session: Session, workspace: Workspace) -> str:
     return f"As gmwm calibrate does, this page fits the {curve} curve{removed}."
 
 
-def _parameters(fit: Fit, session: Session) -> Any:
-    how = IntervalMethod(session.confidence)
-    intervals, _ = intervals_if_known(fit, how)
+def _parameters(fit: Fit, session: Session, intervals: dict[str, Interval]) -> Any:
     shown = []
-    for row in rows(fit, intervals, how):
+    for row in rows(fit, intervals, IntervalMethod(session.confidence)):
         held = row.name in fit.model.fixed_names
         value: Any = row.estimate
         if held:
@@ -235,7 +237,8 @@ def _parameters(fit: Fit, session: Session) -> Any:
 
 def _tests(fit: Fit) -> Any:
     deviation = relative_misfit(fit)
-    _, test = test_in_words(fit, IntervalMethod())
+    sampled = replace(fit, wavelet_variance=having_error(fit.wavelet_variance, 0.0))  # the test includes no model error
+    _, test = test_in_words(sampled, IntervalMethod())
     gap = "no certificate" if fit.gap is None else f"proven within {gap_text(fit.gap)} of the objective"
     misfit_text = "none"
     if deviation.largest > 0:

@@ -32,6 +32,7 @@ from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
 from gmwm.base.units import by_sensor
 from gmwm.calibration import Calibration
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
 from gmwm.calibration.result import AxisCalibration
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.choosing.datasheets.effective import Use
@@ -197,7 +198,8 @@ def _effective(session: Session, workspace: Workspace, width: float) -> Any:
             except GmwmError as error:
                 rows.append([axis, error.text(Dialect.SHELL), ""])
                 continue
-            rows.append([axis, *(_inflate(entry, session) for entry in entries)])
+            marks = (_refusal(found.number_verdicts[axis].get(symbol)) for symbol in MAIN)
+            rows.append([axis, *(_inflate(entry, session) + mark for entry, mark in zip(entries, marks, strict=False))])
         times = f", multiplied by {session.inflation:g}" if session.inflation != 1 else ""
         return [
             table(head, rows, "numbers"),
@@ -219,6 +221,11 @@ def _budget(session: Session, workspace: Workspace, width: float) -> Any:
 
     job = workspace.calibration(session)
     return of_job(job, show) if job.state == "done" else []
+
+
+def _refusal(verdict: NumberVerdict | None) -> str:
+    """Return the mark of a number that must not be used, which the files refuse; "" for the others."""
+    return f" {verdict.usability.mark}" if verdict and verdict.usability is Usability.DO_NOT_USE else ""
 
 
 def _inflate(entry: Any, session: Session) -> str:

@@ -17,6 +17,7 @@ from gmwm.applications.app.session import Session
 from gmwm.applications.app.workspace import SILENT_S, Desk, Job, Workspace
 from gmwm.base.errors import GmwmError
 from gmwm.base.remarks import Dialect, Remark, texts, with_groups
+from gmwm.base.text import with_minus
 from gmwm.showing.reports.verdict import state_of
 
 WORDS = {"bad": "Do not use", "look": "Read first", "good": "Note"}
@@ -68,7 +69,8 @@ def graph(figure: Drawn, name: Any, label: str, **config: Any) -> Any:
 
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]], kind: str = "") -> Any:
     """Return a table with column headings. The first cell of each row is the heading of the row."""
-    body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, cells)]) for first, *cells in rows]
+    signed = ([with_minus(cell) if isinstance(cell, str) else cell for cell in row] for row in rows)
+    body = [html.Tr([html.Th(first, scope="row"), *map(html.Td, cells)]) for first, *cells in signed]
     top = html.Thead(html.Tr([html.Th(cell, scope="col") if cell else html.Td() for cell in head]))
     return html.Div(html.Table([top, html.Tbody(body)], className=kind), className="wide")
 
