@@ -407,21 +407,25 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
     """Return the mean square error of the steady-state filter of the full model for the mean of n samples, without
     sinusoids and ramps; None without a state space or a solution of the Riccati equation in double precision."""
-    noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]
+    start = _predicted(tuple(p for p in processes if p.scale > 0 and p.line(rate) is None), rate)
+    error = 0.0 if start is None else float(start.block_variance([samples])[0]) / samples**2
+    return error if math.isfinite(error) and error > 0 else None
+
+
+@lru_cache(maxsize=16)
+def _predicted(noises: tuple[Process, ...], rate: float) -> StateSpace | None:
+    """Return the state space of noises, without ramps, that starts with the steady-state covariance of its filter."""
     try:
-        noises = [p for p in noises if p.has("psd") or not is_ramp(p, rate)]
-        space = StateSpace.sum([p.state_space(rate) for p in noises])
+        space = StateSpace.sum([p.state_space(rate) for p in noises if p.has("psd") or not is_ramp(p, rate)])
     except GmwmError:
         return None
-    measured = float(space.R[0, 0])
     if space.states == 0:
-        return measured / samples
+        return space
+    measured = float(space.R[0, 0])
     # Relative measurement noise of a model without any, without which the Riccati equation cannot be solved.
     floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
         before = scipy.linalg.solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))
     except (scipy.linalg.LinAlgError, ValueError):
         return None
-    start = StateSpace(space.F, space.Q, space.H, space.R, m0=space.m0, P0=(before + before.T) / 2)
-    error = float(start.block_variance([samples])[0]) / samples**2
-    return error if math.isfinite(error) and error > 0 else None
+    return StateSpace(space.F, space.Q, space.H, space.R, m0=space.m0, P0=(before + before.T) / 2)
