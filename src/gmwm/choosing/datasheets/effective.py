@@ -268,11 +268,12 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
 def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
     """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
-    processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
+    together = [process for process in fit.model.processes if use.contains(process, wv.rate)]
+    processes = [moved.get(process, process) for process in together]
     # A recording has too few parts to show that a slower filter predicts better, so K is zero
     # (tests/test_effective_noise.py).
     slowest = wv.samples / 10.0
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest)
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, among=together)
 
 
 @dataclass(frozen=True)

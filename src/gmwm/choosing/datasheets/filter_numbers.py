@@ -363,7 +363,7 @@ def samples_in(time: float, rate: float) -> int:
 
 def filter_numbers(
     processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: CurveRatio | None = None,
-    slowest: float = SLOWEST_FILTER_SAMPLES,
+    slowest: float = SLOWEST_FILTER_SAMPLES, among: Iterable[Process] = (),
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
@@ -373,9 +373,10 @@ def filter_numbers(
 
     J_T is the mean square error (see `FilterPrediction`), and the left side the error that the filter states. The code
     has the exact form for samples, so white noise plus a walk has the numbers of its terms. White N and flicker B have
-    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples."""
+    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples; see `FilterPrediction.of`
+    for `among`."""
     samples = samples_in(horizon, rate)
-    prediction = FilterPrediction.of(processes, rate, samples, ratio)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio, among=among)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1
