@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm import AR1, DR, FN, GM, MAT, PL, QN, RW, SIN, WN, Model
-from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, best_gain, filter_numbers
+from gmwm.choosing.datasheets.filter_numbers import CurveRatio, FilterGain, FilterPrediction, best_gain, filter_numbers
 from gmwm.theory.processes import registry
 from tests.helpers import each
 
@@ -167,7 +168,34 @@ def test_resonances_are_integrated():
     for samples in (100, 6000):
         prediction = FilterPrediction.of([process], RATE, samples)
         variance = float(process.autocovariance([0], RATE)[0])
-        assert prediction.mass.sum() == pytest.approx(variance, rel=1e-6)
+        assert sum(mass.sum() for _, mass in prediction.parts) == pytest.approx(variance, rel=1e-6)
+
+
+def test_noises_with_the_same_resonances_share_a_quadrature():
+    first, second = (
+        Model.parse(f"GM(beta={beta}, sigma2=1) + RW(gamma2={walk}) + OSC(frequency=3.0, quality=40.0, sigma2={size})")
+        for beta, walk, size in ((0.5, 1e-6, 0.1), (2.0, 1e-9, 40.0))
+    )
+    for samples in (100, 6000):
+        one, other = (FilterPrediction.of(model.processes, RATE, samples).parts[0][0] for model in (first, second))
+        assert one is other
+
+
+def test_a_measured_ratio_is_integrated_between_octave_centres():
+    levels = np.arange(1.0, 13.0)
+    logs = np.where(levels == 6, 1.0, np.where(levels == 9, -0.5, 0.0))
+    ratio, gain = CurveRatio(levels, logs, np.zeros(12)), FilterGain(0.01)
+    found = FilterPrediction.of([WN(sigma2=1.0)], RATE, 100, ratio).error(gain)[0]
+
+    def integrand(log: float) -> float:
+        theta = math.exp(log)
+        z = complex(math.cos(theta), math.sin(theta))
+        response = sum(z**m for m in range(1, 101)) / 100 - gain.g / (1 - gain.keep / z)
+        return abs(response) ** 2 * float(ratio(np.array([theta]))[0]) * theta / math.pi
+
+    ends = [-20.0, *sorted(math.log(math.sqrt(2) * math.pi / 2**level) for level in levels[1:]), math.log(math.pi)]
+    value = sum(quad(integrand, low, high, limit=400)[0] for low, high in pairwise(ends))
+    assert found == pytest.approx(value, rel=1e-8)
 
 
 def test_the_smallest_of_several_minima():

@@ -12,9 +12,9 @@ import pytest
 import gmwm
 from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.applications.fleets import Fleet, unit_job
-from gmwm.applications.fleets.engine import Cluster, allowing_lost_workers, run_jobs
+from gmwm.applications.fleets.engine import Cluster, Here, allowing_lost_workers, run_jobs
 from gmwm.applications.fleets.result import find_units
-from gmwm.applications.fleets.unit_job import RUN_AGAIN, UnitJob, UnitOptions
+from gmwm.applications.fleets.unit_job import RUN_AGAIN, UnitJob, UnitOptions, UnitOutcome
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.files.readers.api import read_file
@@ -198,6 +198,23 @@ def test_a_unit_that_kills_its_workers_fails_and_takes_nobody_along(client, few)
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)
     assert [one.unit for one in outcomes if one.document is None] == ["deadly"]
     assert "its worker process died" in next(one.reason for one in outcomes if one.unit == "deadly")
+
+
+def test_this_process_does_something_else_once_while_jobs_run():
+    done = []
+
+    class Place(Here):
+        def begin(self, job):
+            done.append(f"begin {job.unit}")
+            super().begin(job)
+
+        def answers(self):
+            return [(self._job, UnitOutcome(self._job.unit))]
+
+    jobs = [UnitJob(name, name, asked_for(WITHIN)) for name in ("one", "two")]
+    outcomes = run_jobs(jobs, Place(), retries=0, meanwhile=lambda: done.append("other work"))
+    assert [outcome.unit for outcome in outcomes] == ["one", "two"]
+    assert done == ["begin one", "other work", "begin two"]
 
 
 def asked_for(within):

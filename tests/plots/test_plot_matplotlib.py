@@ -80,6 +80,16 @@ def test_nothing_overlaps_the_border(fit):
         assert box.y1 <= picture.bbox.height + 1
 
 
+def test_a_panel_that_is_measured_once_has_the_place_of_the_full_layout(fit):
+    picture = plot_imu({"gyro_x": fit, "gyro_y": fit})
+    picture.canvas.draw()
+    places = [axes.bbox.extents for axes in picture.axes]
+    picture.set_layout_engine("constrained")
+    picture.canvas.draw()
+    for place, axes in zip(places, picture.axes, strict=True):
+        np.testing.assert_allclose(place, axes.bbox.extents, atol=2.5 * picture.dpi / 300)  # 0.2 mm
+
+
 def test_zeros_and_a_lone_interval_are_drawn(wv, scaled):
     values = wv.variance.copy()
     values[[0, 2]] = 0.0

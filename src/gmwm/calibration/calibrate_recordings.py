@@ -59,14 +59,16 @@ def calibrate_axis(measured: MeasuredAxis, choice: ModelChoice, options: Calibra
     """Fit the chosen model of an axis, and compute its numbers and their uncertainty."""
     options = options.of_axis(measured.axis)
     curve, level, ranking = measured.curve(options), options.confidence, choice.ranking
-    fit = final_fit(ranking.recommended.model, choice.with_error, options.weighting)
+    best, wv = ranking.recommended.fit, choice.wavelet_variance
+    fit = final_fit(best.model, choice.with_error, options.weighting)
     sheet = sheet_of(fit, measured.spectrum, level, choice)
     raw = measured.raw_curve(options)
     means = list(measured.means.values())
     axis = AxisCalibration(
         fit=fit, intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
-        test=_test(replace(fit, wavelet_variance=choice.wavelet_variance)), datasheet=with_limits(sheet, fit),
-        ranking=ranking, verdict=measured.verdict(robust=curve.robust),
+        # The choice has tested the best model, unless it allows for a model error.
+        test=_test(best if best.wavelet_variance is wv else replace(fit, wavelet_variance=wv)),
+        datasheet=with_limits(sheet, fit), ranking=ranking, verdict=measured.verdict(robust=curve.robust),
         needed=needed_lengths(_as_one_recording(fit), options.weighting), spectrum=measured.spectrum,
         misfit=relative_misfit(fit), model_error=choice.error, tried=choice.tried, search=choice.steps,
         regression=measured.regression, left_in=None if raw is None else _left_in(fit, raw, options),

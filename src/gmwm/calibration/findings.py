@@ -27,6 +27,7 @@ from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.tails import UNKNOWN
 from gmwm.measuring.outliers import Dependence, Replaced, excess_text
 from gmwm.theory.filters import find_filter
+from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.noise import RW
 from gmwm.theory.processes.oscillator import name_in_text
 
@@ -395,16 +396,17 @@ def _oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
     oscillating = [process for process in processes if process.oscillation() is not None]
     if not oscillating:
         return
+
+    def without(left_out: Collection[Process]) -> float:
+        return filter_numbers([p for p in processes if p not in left_out], rate, among=processes).N
+
     try:
-        density = filter_numbers(processes, rate).N
+        density = without(())
     except MissingTheoryError:  # a process from another package without a spectral density
         return
-    strong = [
-        process for process in oscillating
-        if density > RAISED_N * filter_numbers([other for other in processes if other is not process], rate).N
-    ]  # fmt: skip
+    strong = [process for process in oscillating if density > RAISED_N * without((process,))]
     if strong:
-        alone = filter_numbers([process for process in processes if process not in strong], rate).N
+        alone = without(strong)
         frequencies = sorted(process.oscillation() or 0.0 for process in strong)
         yield Remark.of(
             "lines", axis, case="inside", frequencies=tuple(Quantity(frequency, "Hz") for frequency in frequencies),

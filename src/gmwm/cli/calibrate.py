@@ -17,6 +17,7 @@ from gmwm.base.helpers import Helpers
 from gmwm.base.helpers import helpers as helpers_of
 from gmwm.base.remarks import Dialect, Remark
 from gmwm.base.units import sensor_of
+from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.data import require_axes
 from gmwm.calibration.document import as_text
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
@@ -284,8 +285,9 @@ def calibration_helpers(
     *, plots: bool = False, before: str = "gmwm.calibration.calibrate_recordings", count: int | None = None
 ) -> Helpers:
     """Fork helpers that calibrate."""
-    for module in ("scipy.special", "scipy.optimize", "gmwm.applications.monitor.baseline", before):
+    for module in ("scipy.special", "scipy.optimize", before):
         import_module(module)  # here, because all processes need it
+    axis_additions()  # the same
     drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
     return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import fields, replace
 from pathlib import Path
@@ -95,12 +95,14 @@ class WorkPlace(ABC):
         """End all jobs at once."""
 
 
-def run_jobs(jobs: Iterable[UnitJob], place: WorkPlace, retries: int) -> Generator[UnitOutcome, None, None]:
+def run_jobs(
+    jobs: Iterable[UnitJob], place: WorkPlace, retries: int, meanwhile: Callable[[], object] = lambda: None
+) -> Generator[UnitOutcome, None, None]:
     """Run jobs, and yield their outcomes in the order of completion. Retries come last. The job of a process that ends
-    is repeated alone after all others, because another job may have used the memory."""
+    is repeated alone after all others, because another job may have used the memory. `meanwhile` is called once."""
     waiting, alone = deque(jobs), deque[UnitJob]()
     tries, deaths = Counter[str](), Counter[str]()
-    running = 0
+    running, began = 0, False
     while waiting or alone or running:
         while waiting and running < place.room():
             place.begin(waiting.popleft())
@@ -108,6 +110,9 @@ def run_jobs(jobs: Iterable[UnitJob], place: WorkPlace, retries: int) -> Generat
         if alone and not running and place.room():
             place.begin(alone.popleft())
             running += 1
+        if not began:
+            meanwhile()
+        began = True
         for job, outcome in place.answers():
             running -= 1
             if outcome is None and deaths[job.unit] * place.lost <= retries:
@@ -365,9 +370,10 @@ def fleet(
 def calibrate_fleet(
     recordings: Recordings, output: str | os.PathLike[str], options: CalibrationOptions, reading: ReadOptions, *,
     pattern: str | None = None, scheduler: str | Client | None = None, workers: int | None = None, retries: int = 2,
-    progress: Progress | None = None, helpers: Helpers | None = None,
+    progress: Progress | None = None, helpers: Helpers | None = None, meanwhile: Callable[[], object] = lambda: None,
 ) -> Fleet:  # fmt: skip
-    """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units."""
+    """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units, and this
+    process, which waits for them, calls `meanwhile` once."""
     _check_axes(options.wanted)
     if reading.format is not None:
         find_reader(Path(), reading.format)
@@ -380,7 +386,7 @@ def calibrate_fleet(
     run = _FleetRun(folder, units, progress)
     jobs = run.jobs(unit_options)
     # Nothing is written before the connection to the scheduler is established.
-    with _outcomes(jobs, scheduler, workers, retries, helpers=helpers) as outcomes:
+    with _outcomes(jobs, scheduler, workers, retries, helpers=helpers, meanwhile=meanwhile) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, units.paths):
             where = str(folder / UNITS)
@@ -456,7 +462,7 @@ class _FleetRun:
 @contextmanager
 def _outcomes(
     jobs: Sequence[UnitJob], scheduler: str | Client | None, workers: int | None, retries: int, *,
-    helpers: Helpers | None,
+    helpers: Helpers | None, meanwhile: Callable[[], object],
 ) -> Iterator[Iterable[UnitOutcome]]:  # fmt: skip
     """Provide an iterator over the outcomes of the jobs, which run in this process, in others, or on a cluster."""
     count = min(processors() if workers is None else workers, len(jobs))
@@ -476,7 +482,7 @@ def _outcomes(
             library("distributed")
             stack.enter_context(allowing_lost_workers(retries))
             place = Cluster(stack.enter_context(connect(scheduler)))
-        yield run_jobs(jobs, stack.enter_context(place), retries)
+        yield run_jobs(jobs, stack.enter_context(place), retries, meanwhile)
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:

@@ -47,6 +47,13 @@ class FitCurve:
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
         """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
+        stored: dict[bool, FitCurve] = fit.__dict__.setdefault("_curves", {})
+        if sampling not in stored:
+            stored[sampling] = cls._of(fit, sampling)
+        return stored[sampling]
+
+    @classmethod
+    def _of(cls, fit: Fit, sampling: bool) -> FitCurve:
         sandwich = fit.sandwich.sampling if sampling else fit.sandwich
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = model.by_term

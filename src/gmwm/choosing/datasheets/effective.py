@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import (
     LEAST_PERIODS,
     MOST_PERIODS,
+    CurveRatio,
     FilterGain,
     FilterNumbers,
     FilterPrediction,
@@ -36,25 +37,6 @@ if TYPE_CHECKING:
 MISFIT_ERRORS = 3.0
 """Number of standard errors between model and measurement from which the measurement is used. In a fit of the true
 model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effective_noise.py."""
-
-
-@dataclass(frozen=True, eq=False)
-class CurveRatio:
-    """Ratio of measured to model spectrum by frequency: logarithms by level and their errors, 0 where they agree."""
-
-    levels: Vector
-    logs: Vector
-    errors: Vector
-
-    def __call__(self, theta: Vector) -> Vector:
-        """Return the ratio at frequencies (rad per sample), linear in logarithms between octave centres √2 π/2^j."""
-        level = math.log2(math.sqrt(2) * math.pi) - np.log2(theta)
-        return np.asarray(np.exp(np.interp(level, self.levels, self.logs)))
-
-    def moved(self) -> Iterator[CurveRatio]:
-        """Yield the ratio with its logarithm increased by one standard error at one level after another."""
-        for k in np.flatnonzero(self.errors):
-            yield replace(self, logs=self.logs + np.where(np.arange(self.logs.size) == k, self.errors, 0.0))
 
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
@@ -265,8 +247,8 @@ def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     """Return the numbers at the ends of a poorly known region, where the best filter can be another one."""
     stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
     if (use, z) not in stored:
-        ratio, ((numbers, _), _) = curve_ratio(fit), _numbers(fit, use)
-        stored[use, z] = [_at(fit, use, ratio, end, near=numbers) for end in FitCurve.of(fit).ends(z)]
+        ratio = curve_ratio(fit)
+        stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
     return stored[use, z]
 
 
@@ -283,24 +265,15 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
     return stored[use]
 
 
-def _at(
-    fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None,
-    near: FilterNumbers | None = None,
-) -> FilterNumbers:  # fmt: skip
+def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
     """Return the numbers of a fit with the processes of `end` in the place of its own; see `filter_numbers`."""
     wv, moved = fit.wavelet_variance, end or {}
-    processes = [moved.get(process, process) for process in fit.model.processes if use.contains(process, wv.rate)]
+    together = [process for process in fit.model.processes if use.contains(process, wv.rate)]
+    processes = [moved.get(process, process) for process in together]
     # A recording has too few parts to show that a slower filter predicts better, so K is zero
     # (tests/test_effective_noise.py).
     slowest = wv.samples / 10.0
-    alike = near is not None and all(_has_resonances_of(process, new) for process, new in moved.items())
-    prediction = near.prediction if near is not None and alike else None
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, near=prediction)
-
-
-def _has_resonances_of(process: Process, other: Process) -> bool:
-    """Return whether a process fits another's quadrature frequencies: one shape parameter does not move a resonance."""
-    return len(process.nonlinear_parameters()) < 2 or bool(np.array_equal(process.nonlinear, other.nonlinear))
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, among=together)
 
 
 @dataclass(frozen=True)
@@ -328,11 +301,11 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     if use not in stored:
         ratio = curve_ratio(fit)
         numbers = _at(fit, use, ratio)
-        of_model = numbers if ratio is None else _at(fit, use, None, near=numbers)
+        of_model = numbers if ratio is None else _at(fit, use, None)
         try:
             ratios = () if ratio is None else ratio.moved()
-            moved = [_at(fit, use, each, near=numbers) for each in ratios]
-            errors = _errors(FitCurve.of(fit), numbers, use, ratio)
+            moved = [_at(fit, use, each) for each in ratios]
+            errors = _errors(fit, numbers, use, ratio)
             errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
         except (MissingTheoryError, ModelError):
             errors = None
@@ -340,19 +313,20 @@ def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], d
     return stored[use]
 
 
-def _errors(curve: FitCurve, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
+def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:
     """Return the standard errors of ln N² and ln K². With u = ln w, ∂J/∂u = 0 gives du/dθ = −(∂²J/∂u∂θ)/(∂²J/∂u²), and
     N² C(u) = J gives d ln N²/dθ = (∂J/∂θ)/J − (C'/C) du/dθ, d ln K²/dθ = d ln N²/dθ + 2 du/dθ."""
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
-    processes = {process for process, name in curve.moving if name is not None}
+    curve = FitCurve.of(fit)
+    together = [process for process in fit.model.processes if use.contains(process, curve.design.rate)]
 
     def of(process: Process) -> Vector:
         if not use.contains(process, curve.design.rate):
             return np.zeros(2)
-        near = numbers.prediction if any(_has_resonances_of(process, own) for own in processes) else None
-        return np.array(FilterPrediction.of([process], curve.design.rate, samples, ratio, near=near).error(gain))
+        alone = FilterPrediction.of([process], curve.design.rate, samples, ratio, among=together)
+        return np.array(alone.error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -40,6 +40,68 @@ Spectrum = Callable[[Vector], Vector]
 
 
 @dataclass(frozen=True, eq=False)
+class CurveRatio:
+    """Ratio of measured to model spectrum by frequency: logarithms by level and their errors, 0 where they agree."""
+
+    levels: Vector
+    logs: Vector
+    errors: Vector
+
+    def __call__(self, theta: Vector) -> Vector:
+        """Return the ratio at frequencies (rad per sample), linear in logarithms between octave centres √2 π/2^j."""
+        level = math.log2(math.sqrt(2) * math.pi) - np.log2(theta)
+        return np.asarray(np.exp(np.interp(level, self.levels, self.logs)))
+
+    def moved(self) -> Iterator[CurveRatio]:
+        """Yield the ratio with its logarithm increased by one standard error at one level after another."""
+        for k in np.flatnonzero(self.errors):
+            yield replace(self, logs=self.logs + np.where(np.arange(self.logs.size) == k, self.errors, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _GainFree:
+    """The parts of G − H that do not depend on the gain: G − 1, 1 − e^{−iθ}, and the oscillation that is left out."""
+
+    mean: np.ndarray
+    difference: np.ndarray
+    start: np.ndarray
+    left_out: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Angular frequencies (rad per sample) at which |G − H|² of n samples is integrated, and weights over π.
+
+    One object serves all noises with the same resonances, so that the responses are computed once for them."""
+
+    theta: Vector
+    weights: Vector
+    samples: int
+
+    def __reduce__(self) -> tuple[type[Quadrature], tuple[Vector, Vector, int]]:
+        """Leave `fixed` out, which a copy in another process rarely needs."""
+        return Quadrature, (self.theta, self.weights, self.samples)
+
+    def mass(self, density: Vector) -> Vector:
+        """Return the weights times a density."""
+        # Below the first panel, ∫ θ² θ^(−α) dθ is the mass of one frequency, because |G − H|² grows as θ².
+        power = math.log(density[0] / density[1]) / math.log(self.theta[1] / self.theta[0]) if density[0] > 0 else 0.0
+        mass = np.asarray(self.weights * density)
+        mass[0] /= 3 - power
+        return mass
+
+    @cached_property
+    def fixed(self) -> _GainFree:
+        """The parts of the responses that do not depend on the gain."""
+        n, difference = self.samples, -np.expm1(-1j * self.theta)
+        start = 1 / (n * difference)  # G = start (e^{inθ} − 1)
+        mean = start * np.expm1(1j * n * self.theta) - 1
+        shown = 0.5 * scipy.special.erfc((n * self.theta - _FADE) / _WIDTH) if n > 2 * _PERIODS else np.ones(mean.size)
+        left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * n * self.theta), 0.0)
+        return _GainFree(mean, difference, start, left_out)
+
+
+@dataclass(frozen=True, eq=False)
 class FilterPrediction:
     """The error with which a filter predicts the mean of the next n samples of a noise.
 
@@ -49,56 +111,55 @@ class FilterPrediction:
         J(g) = (1/2π) ∫ |G(θ) − H(θ)|² S(θ) dθ,  G = (1/n) Σ_{m=1}^{n} e^{imθ},  H = g / (1 − (1 − g) e^{−iθ}).
 
     G − H is zero at θ = 0, so J is finite for walks and flicker. Ramps ω add ω² ((n + 1)/2 + (1 − g)/g)², sinusoids P
-    |G − H|². `theta` and `mass` (m,) are frequencies, and densities times `weights` over π, or powers."""
+    |G − H|². `parts` are quadratures with densities times weights, or with powers."""
 
-    theta: Vector
-    mass: Vector
-    weights: Vector
+    parts: tuple[tuple[Quadrature, Vector], ...]
     samples: int
     ramp: float = 0.0
 
     @classmethod
     def of(
-        cls, processes: Iterable[Process], rate: float, samples: int, ratio: Spectrum | None = None, *,
-        lines: bool = True, near: FilterPrediction | None = None,
+        cls, processes: Iterable[Process], rate: float, samples: int, ratio: CurveRatio | None = None, *,
+        lines: bool = True, among: Iterable[Process] = (),
     ) -> FilterPrediction:  # fmt: skip
         """Return the prediction of a sum of processes, with a factor `ratio` of their density and, if `lines`,
-        sinusoids near the horizon; `near` lends the quadrature of the same resonances."""
+        sinusoids near the horizon; processes `among` others with all their resonances share a quadrature."""
         present = [p for p in processes if p.scale != 0]
         sinusoids = [line for p in present if (line := p.line(rate)) is not None and lines]
         seen = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
         noises = [p for p in present if p.line(rate) is None]
         ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
         ramp = sum(float(np.diff(p.mean([0, 1]))[0]) ** 2 for p in ramps)
-        moving = tuple(p for p in noises if p not in ramps)
-
-        def total(theta: Vector) -> Vector:
-            density = _density(moving, rate, theta.tobytes())
-            return density if ratio is None else np.asarray(density * ratio(theta))
-
-        theta, weights, mass = np.empty((3, 0))
-        if moving and near is not None and near.weights.size:
-            theta, weights = near.theta[: near.weights.size], near.weights
-            mass = weights * total(theta)
-        elif moving:
-            theta, weights, mass = _quadrature(total, samples)
-        theta = np.concatenate([theta, [2 * math.pi * cycles for _, cycles in seen]])
-        return cls(theta, np.concatenate([mass, [power for power, _ in seen]]), weights, samples=samples, ramp=ramp)
+        moving = [p for p in noises if p not in ramps]
+        parts = []
+        if moving:
+            own, others = (resonances_of(group, rate) for group in (moving, among))
+            kinks = () if ratio is None else tuple((math.sqrt(2) * math.pi / 2**ratio.levels).tolist())
+            at = _quadrature(others if set(own) <= set(others) else own, rate, samples, kinks)
+            density = np.sum([_density(process, rate, at) for process in moving], axis=0)
+            parts.append((at, at.mass(density if ratio is None else density * ratio(at.theta))))
+        if seen:
+            at = _at_lines(tuple(cycles for _, cycles in seen), samples)
+            parts.append((at, np.array([power for power, _ in seen])))
+        return cls(tuple(parts), samples, ramp)
 
     def error(self, gain: FilterGain) -> tuple[float, float]:
         """Return the mean square of the prediction error (u²), and its derivative with respect to ln(w Δt)."""
-        square, change = _responses(self.theta.tobytes(), self.samples, gain)
         lag = (self.samples + 1) / 2 + gain.keep / gain.g
-        error = float(square @ self.mass) + self.ramp * lag**2
-        return error, (float(change @ self.mass) - 2 * self.ramp * lag / gain.g**2) * gain.slope
+        error, change = self.ramp * lag**2, -2 * self.ramp * lag / gain.g**2
+        for at, mass in self.parts:
+            square, slope = _responses(at, gain)
+            error, change = error + float(square @ mass), change + float(slope @ mass)
+        return error, change * gain.slope
 
     def slopes_on_grid(self, slowest: float) -> tuple[Vector, Vector]:
         """Return a grid of ln(w Δt), and the derivatives of the error there; see `best_gain`."""
-        grid, gains, changes = _on_grid(self.theta.tobytes(), self.samples, slowest)
-        lags, g = (self.samples + 1) / 2 + gains[1] / gains[0], gains[0]
-        # A product with the matrix would round otherwise than `error`, which decides at a root on the grid.
-        sums = np.array([change @ self.mass for change in changes])
-        return grid, (sums - 2 * self.ramp * lags / g**2) * gains[2]
+        grid, _, (g, keep, slopes) = _grid(slowest)
+        sums = -2 * self.ramp * ((self.samples + 1) / 2 + keep / g) / g**2
+        for at, mass in self.parts:
+            # A product with the matrix would round otherwise than `error`, which decides at a root on the grid.
+            sums = sums + np.array([change @ mass for change in _on_grid(at, slowest)])
+        return grid, sums * slopes
 
 
 @dataclass(frozen=True)
@@ -107,13 +168,13 @@ class FilterGain:
 
     bandwidth: float
 
-    @property
+    @cached_property
     def keep(self) -> float:
         """Factor 1 − g of the estimate in each step."""
         q = self.bandwidth
         return 2 / (2 + q**2 + q * math.sqrt(q**2 + 4))
 
-    @property
+    @cached_property
     def g(self) -> float:
         """Factor g of a new sample."""
         return self.bandwidth * math.sqrt(self.keep)
@@ -136,10 +197,25 @@ def is_near(periods: float) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _density(processes: tuple[Process, ...], rate: float, theta: bytes) -> Vector:
-    """Return the density of several processes, cached, as only the factor `ratio` changes between predictions."""
-    angle = np.frombuffer(theta)
-    return freeze(np.asarray(np.sum([spectrum_of(process, rate)(angle) for process in processes], axis=0)))
+def _density(process: Process, rate: float, at: Quadrature) -> Vector:
+    return freeze(spectrum_of(process, rate)(at.theta))
+
+
+def resonances_of(processes: Iterable[Process], rate: float) -> tuple[Process, ...]:
+    """Return the processes whose density the panels may have to be halved for, without their strength."""
+    found = (_resonance(process, rate) for process in processes)
+    return tuple(dict.fromkeys(process for process in found if process is not None))
+
+
+@lru_cache(maxsize=256)
+def _resonance(process: Process, rate: float) -> Process | None:
+    if process.scale == 0 or process.line(rate) is not None:
+        return None
+    # A power law is smooth, and so is the density of an exponential covariance that does not alternate.
+    shapes = len(process.nonlinear_parameters())
+    if process.has("psd") and (not shapes or (shapes == 1 and min(process.decays(rate), default=-1.0) > 0)):
+        return None
+    return process.with_scale(1.0)
 
 
 def spectrum_of(process: Process, rate: float) -> Spectrum:
@@ -167,19 +243,10 @@ def _of_octaves(process: Process, rate: float) -> Spectrum:
     return density
 
 
-@dataclass(frozen=True, eq=False)
-class _GainFree:
-    """The parts of G − H that do not depend on the gain: G − 1, 1 − e^{−iθ}, and the oscillation that is left out."""
-
-    mean: np.ndarray
-    difference: np.ndarray
-    start: np.ndarray
-    left_out: np.ndarray
-
-
-def _responses(theta: bytes, samples: int, gain: FilterGain) -> tuple[Vector, Vector]:
-    """Return |G − H|² at angular frequencies, and its derivative with respect to g."""
-    fixed = _fixed(theta, samples)
+@lru_cache(maxsize=16)
+def _responses(at: Quadrature, gain: FilterGain) -> tuple[Vector, Vector]:
+    """Return |G − H|² at the frequencies of a quadrature, and its derivative with respect to g."""
+    fixed = at.fixed
     inverse = 1 / (gain.g + gain.keep * fixed.difference)
     remainder = fixed.mean + gain.keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
     slope = fixed.difference * inverse**2
@@ -188,38 +255,29 @@ def _responses(theta: bytes, samples: int, gain: FilterGain) -> tuple[Vector, Ve
 
 
 @lru_cache(maxsize=4)
-def _on_grid(theta: bytes, samples: int, slowest: float) -> tuple[Vector, Matrix, Matrix]:
-    """Return a grid of ln(w Δt), g, 1 − g and slopes (3, n), and derivatives of |G − H|² (n, m), for one recording."""
+def _grid(slowest: float) -> tuple[Vector, list[FilterGain], Matrix]:
+    """Return a grid of ln(w Δt), its gains, and their g, 1 − g and slopes (3, n)."""
     count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
     grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
     gains = [FilterGain(math.exp(u)) for u in grid]
-    changes = np.array([_responses(theta, samples, gain)[1] for gain in gains])
-    return grid, np.array([(gain.g, gain.keep, gain.slope) for gain in gains]).T, changes
+    return grid, gains, np.array([(gain.g, gain.keep, gain.slope) for gain in gains]).T
 
 
-@lru_cache(maxsize=32)
-def _fixed(theta: bytes, samples: int) -> _GainFree:
-    angle = np.frombuffer(theta)
-    difference = -np.expm1(-1j * angle)
-    start = 1 / (samples * difference)  # G = start (e^{inθ} − 1)
-    mean = start * np.expm1(1j * samples * angle) - 1
-    fades = samples > 2 * _PERIODS
-    shown = 0.5 * scipy.special.erfc((samples * angle - _FADE) / _WIDTH) if fades else np.ones(angle.size)
-    left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * samples * angle), 0.0)
-    return _GainFree(mean, difference, start, left_out)
+@lru_cache(maxsize=4)
+def _on_grid(at: Quadrature, slowest: float) -> Matrix:
+    """Return the derivatives of |G − H|² (n, m) on the grid."""
+    return np.array([_responses(at, gain)[1] for gain in _grid(slowest)[1]])
 
 
-def _panels(samples: int) -> Vector:
+def _panels(samples: int, kinks: Sequence[float]) -> Vector:
     """Return the ends of the panels, from `_FIRST` to π."""
     period = 2 * math.pi / samples
     first, last = min(period, math.pi), min(_PERIODS * period, math.pi)
     count = max(1, math.ceil((last - first) / period - 1e-9))
     low = _grown(_FIRST, min(first, _RESONANT), _COARSE)
-    return np.unique(
-        np.concatenate(
-            [low, _grown(low[-1], first, _FINE), np.linspace(first, last, count + 1), _grown(last, math.pi, _FINE)]
-        )
-    )
+    parts = [low, _grown(low[-1], first, _FINE), np.linspace(first, last, count + 1), _grown(last, math.pi, _FINE)]
+    inside = [theta for theta in kinks if _FIRST < theta < math.pi]
+    return np.unique(np.concatenate([*parts, inside]))
 
 
 def _grown(low: float, high: float, by: float) -> Vector:
@@ -229,43 +287,56 @@ def _grown(low: float, high: float, by: float) -> Vector:
     return np.geomspace(low, high, 1 + math.ceil(math.log(high / low) / math.log(by)))
 
 
-def _quadrature(spectrum: Spectrum, samples: int) -> tuple[Vector, Vector, Vector]:
-    """Return frequencies, weights, and weights times the density, with panels that are halved at resonances."""
+@lru_cache(maxsize=32)
+def _quadrature(resonances: tuple[Process, ...], rate: float, samples: int, kinks: tuple[float, ...]) -> Quadrature:
+    """Return a quadrature whose panels end at `kinks` and are halved at resonances; densities are smooth elsewhere."""
     splits = 12
-    ends = _panels(samples)
+    ends = _panels(samples, kinks)
+    if not resonances:
+        return _on_panels(ends.tobytes(), samples)
+    spectra = [spectrum_of(process, rate) for process in resonances]
+
+    def integrals(low: Vector, high: Vector) -> Vector:
+        theta, weights = _rule(low, high)
+        # Where the resonances are far below white noise, they need not be accurate.
+        density = 1 + np.sum([spectrum(theta.ravel()) for spectrum in spectra], axis=0)
+        return np.asarray((weights * density.reshape(theta.shape)).sum(axis=1))
+
     low, high = ends[:-1], ends[1:]
-    # Below the first panel, ∫ θ² θ^(−α) dθ is the mass of one frequency, because |G − H|² grows as θ².
-    edge = np.array([_FIRST, 1.01 * _FIRST])
-    density = spectrum(edge)
-    power = math.log(density[0] / density[1]) / math.log(1.01) if density[0] > 0 else 0.0
-    share = np.array([_FIRST / (3 - power)])
-    parts = [np.stack([edge[:1], share, share * density[:1]])]
-    coarse = _rule(spectrum, low, high)
-    for split in range(splits + 1):
+    coarse = integrals(low, high)
+    for _ in range(splits):
         middle = np.sqrt(low * high)
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        halves = _rule(spectrum, low, high)
-        total = halves[2].sum(axis=1).reshape(2, -1).sum(axis=0)
+        below, above = np.split(integrals(np.concatenate([low, middle]), np.concatenate([middle, high])), 2)
         # Relative accuracy of the integral of a spectrum over each panel.
-        done = np.abs(total - coarse[2].sum(axis=1)) <= 1e-10 * np.abs(total)
-        if split == splits:
-            done[:] = True
-        parts.append(coarse[:, done].reshape(3, -1))
-        if np.all(done):
+        again = np.abs(below + above - coarse) > 1e-10 * np.abs(below + above)
+        if not np.any(again):
             break
-        again = np.tile(~done, 2)
-        coarse, low, high = halves[:, again], low[again], high[again]
-    theta, weights, mass = np.concatenate(parts, axis=1)
-    return theta, weights / math.pi, mass / math.pi
+        ends = np.concatenate([ends, middle[again]])
+        coarse = np.concatenate([below[again], above[again]])
+        low, middle, high = low[again], middle[again], high[again]
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    return _on_panels(np.sort(ends).tobytes(), samples)
 
 
-def _rule(spectrum: Spectrum, low: Vector, high: Vector) -> NDArray[np.float64]:
-    """Return nodes (n, 12) of Gauss-Legendre quadrature in ln θ on n panels, weights, and weights times density."""
+@lru_cache(maxsize=32)
+def _on_panels(ends: bytes, samples: int) -> Quadrature:
+    low, high = (np.frombuffer(ends)[part] for part in (slice(-1), slice(1, None)))
+    lowest = np.array([[_FIRST, 1.01 * _FIRST], [_FIRST, 0.0]])  # the second shows the slope of the density
+    theta, weights = np.concatenate([lowest, _rule(low, high).reshape(2, -1)], axis=1)
+    return Quadrature(theta, weights / math.pi, samples)
+
+
+@lru_cache(maxsize=4)
+def _at_lines(cycles: tuple[float, ...], samples: int) -> Quadrature:
+    return Quadrature(2 * math.pi * np.array(cycles), np.ones(len(cycles)), samples)
+
+
+def _rule(low: Vector, high: Vector) -> NDArray[np.float64]:
+    """Return nodes (n, 12) of Gauss-Legendre quadrature in ln θ on n panels, and weights."""
     x, w = _LEGENDRE
     octaves = np.log(high / low)[:, None]
     theta = low[:, None] * np.exp(octaves * (x + 1) / 2)
-    weights = theta * (octaves * w / 2)
-    return np.stack([theta, weights, weights * spectrum(theta.ravel()).reshape(theta.shape)])
+    return np.stack([theta, theta * (octaves * w / 2)])
 
 
 SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a filter, in samples
@@ -291,8 +362,8 @@ def samples_in(time: float, rate: float) -> int:
 
 
 def filter_numbers(
-    processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: Spectrum | None = None,
-    slowest: float = SLOWEST_FILTER_SAMPLES, near: FilterPrediction | None = None,
+    processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: CurveRatio | None = None,
+    slowest: float = SLOWEST_FILTER_SAMPLES, among: Iterable[Process] = (),
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
@@ -302,9 +373,10 @@ def filter_numbers(
 
     J_T is the mean square error (see `FilterPrediction`), and the left side the error that the filter states. The code
     has the exact form for samples, so white noise plus a walk has the numbers of its terms. White N and flicker B have
-    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples."""
+    K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples; see `FilterPrediction.of`
+    for `among`."""
     samples = samples_in(horizon, rate)
-    prediction = FilterPrediction.of(processes, rate, samples, ratio, near=near)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio, among=among)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1
@@ -336,21 +408,25 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
 def smallest_error(processes: Iterable[Process], rate: float, samples: int) -> float | None:
     """Return the mean square error of the steady-state filter of the full model for the mean of n samples, without
     sinusoids and ramps; None without a state space or a solution of the Riccati equation in double precision."""
-    noises = [p for p in processes if p.scale > 0 and p.line(rate) is None]
+    start = _predicted(tuple(p for p in processes if p.scale > 0 and p.line(rate) is None), rate)
+    error = 0.0 if start is None else float(start.block_variance([samples])[0]) / samples**2
+    return error if math.isfinite(error) and error > 0 else None
+
+
+@lru_cache(maxsize=16)
+def _predicted(noises: tuple[Process, ...], rate: float) -> StateSpace | None:
+    """Return the state space of noises, without ramps, that starts with the steady-state covariance of its filter."""
     try:
-        noises = [p for p in noises if p.has("psd") or not is_ramp(p, rate)]
-        space = StateSpace.sum([p.state_space(rate) for p in noises])
+        space = StateSpace.sum([p.state_space(rate) for p in noises if p.has("psd") or not is_ramp(p, rate)])
     except GmwmError:
         return None
-    measured = float(space.R[0, 0])
     if space.states == 0:
-        return measured / samples
+        return space
+    measured = float(space.R[0, 0])
     # Relative measurement noise of a model without any, without which the Riccati equation cannot be solved.
     floor = 1e-8 * (measured + float((space.H @ space.Q @ space.H.T)[0, 0]))
     try:
         before = scipy.linalg.solve_discrete_are(space.F.T, space.H.T, space.Q, np.array([[measured + floor]]))
     except (scipy.linalg.LinAlgError, ValueError):
         return None
-    start = StateSpace(space.F, space.Q, space.H, space.R, m0=space.m0, P0=(before + before.T) / 2)
-    error = float(start.block_variance([samples])[0]) / samples**2
-    return error if math.isfinite(error) and error > 0 else None
+    return StateSpace(space.F, space.Q, space.H, space.R, m0=space.m0, P0=(before + before.T) / 2)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
 
-from gmwm.base.arrays import Integers, Matrix, Vector
+from gmwm.base.arrays import Integers, Matrix, Vector, freeze
 from gmwm.base.lazy import scipy
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import gm_shape
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
@@ -147,12 +149,19 @@ class Curve:
 
     def unit(self, time: float) -> Vector:
         """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
-        return np.asarray(GM(beta=1 / time, sigma2=1.0).allan_variance(self.clusters, self.rate), dtype=np.float64)
+        return _unit(self, time)
 
     def error(self, reduced: Vector) -> float:
         """Return the largest relative difference between the Allan deviations of a reduced and of the whole model.
         `reduced` is the Allan variance (n,) of the reduced model."""
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
+
+
+@lru_cache(maxsize=64)
+def _unit(curve: Curve, time: float) -> Vector:
+    # The Allan variance is twice the wavelet variance at half-scales of the averaging times. A derivative with respect
+    # to a strength uses the same times again.
+    return freeze(2.0 * gm_shape(np.array([1 / time / curve.rate]), curve.clusters.astype(np.float64))[0])
 
 
 def fit_states(

@@ -18,14 +18,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.figure import FigureBase
 from matplotlib.font_manager import FontProperties
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.markers import TICKDOWN, TICKLEFT, MarkerStyle
 from matplotlib.patches import Patch
 from matplotlib.scale import LinearScale, LogScale, ScaleBase, SymmetricalLogScale
 from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
-from matplotlib.transforms import ScaledTranslation
+from matplotlib.transforms import Bbox, ScaledTranslation
 
+from gmwm.base.arrays import Vector
 from gmwm.base.atomic_files import write_bytes
 from gmwm.base.errors import OptionError
 from gmwm.showing.plots.figure import FOOT, Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
@@ -151,6 +153,32 @@ class Picture(MatplotlibFigure):
         return buffer.getvalue()
 
 
+class _Panel(Axes):
+    """Axes whose labels are measured once for each layout: they hardly change when the panel gets its size."""
+
+    beyond: Vector | None = None  # (4,) distances (pixels) of the outer box from the panel, while a layout is computed
+
+    def get_tightbbox(self, *arguments: Any, for_layout_only: bool = False, **options: Any) -> Any:
+        """Return the box around the panel with its labels."""
+        if for_layout_only and self.beyond is not None:
+            return Bbox.from_extents(*np.add(self.bbox.extents, self.beyond))
+        box = super().get_tightbbox(*arguments, for_layout_only=for_layout_only, **options)
+        if for_layout_only and box is not None:
+            self.beyond = np.subtract(box.extents, self.bbox.extents)
+        return box
+
+
+class _Layout(ConstrainedLayoutEngine):
+    """The constrained layout, which places the panels twice, and measures their labels, most of its work, once."""
+
+    def execute(self, fig: MatplotlibFigure) -> None:
+        """Place the panels."""
+        super().execute(fig)
+        for ax in fig.axes:
+            if isinstance(ax, _Panel):
+                ax.beyond = None
+
+
 def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
     """Draw on new Matplotlib axes or on `ax`, and write to `path` (.png, .pdf, .svg; kept if writing fails)."""
     if path is not None and Path(path).suffix.lower() not in FORMATS:
@@ -184,12 +212,12 @@ def render(picture: MatplotlibFigure, suffix: str) -> bytes:
 
 def _new_picture(figure: Figure) -> MatplotlibFigure:
     # 200 dpi in a notebook; `savefig` below chooses its own resolution.
-    picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=200, layout="constrained")
+    picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=200, layout=_Layout())
     handles: dict[str, Artist] = {}
     for row, place in zip(_with_titles(figure), _places(picture, figure), strict=True):
         for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
-                for label, handle in draw_panel(panel, part.add_subplot(at)).items():
+                for label, handle in draw_panel(panel, part.add_subplot(at, axes_class=_Panel)).items():
                     handles.setdefault(label, handle)
     _align_labels(figure, picture.axes)
     if figure.title:
