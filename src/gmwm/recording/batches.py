@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Vector, freeze, joined
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
@@ -302,7 +302,7 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
         starts += signal.starts[follows:]
         size += len(signal)
     return replace(
-        signals[0], values=freeze(np.concatenate([signal.values for signal in signals])), segments=tuple(segments),
+        signals[0], values=joined([signal.values for signal in signals]), segments=tuple(segments),
         starts=tuple(starts), filled=sum(signal.filled for signal in signals),
     )  # fmt: skip
 
