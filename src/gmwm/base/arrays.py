@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache, partial
 from types import MappingProxyType
@@ -199,6 +199,25 @@ def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.int64]:
     """
     padded = np.concatenate([[False], flags, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+
+
+def joined(parts: Sequence[Vector]) -> Vector:
+    """Join one or more arrays to a read-only one, without a copy if they are consecutive parts of one array.
+
+    >>> x = np.arange(6.0)
+    >>> np.shares_memory(joined([x[1:3], x[3:6]]), x), joined([x[3:], x[:2]]).tolist()
+    (True, [3.0, 4.0, 5.0, 0.0, 1.0])
+    """
+    whole, first = parts[0].base, parts[0].ctypes.data
+    if isinstance(whole, np.ndarray) and whole.ndim == 1 and whole.flags.c_contiguous:
+        begins = np.cumsum([first, *(part.nbytes for part in parts)]).tolist()
+        if all(
+            part.base is whole and part.dtype == whole.dtype and part.flags.c_contiguous and part.ctypes.data == begin
+            for part, begin in zip(parts, begins, strict=False)
+        ):
+            at = (first - whole.ctypes.data) // whole.itemsize
+            return freeze(whole[at : at + sum(part.size for part in parts)])
+    return freeze(np.concatenate(parts))
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:

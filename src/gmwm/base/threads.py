@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar, copy_context
-from functools import wraps
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar, cast
 
 from gmwm.base.errors import GmwmError, OptionError, ReadError
 
@@ -145,6 +145,22 @@ def one_at_a_time(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenat
             return method(self, *args, **options)
 
     return call
+
+
+def computed_once(size: int) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Decorate a function to keep its last `size` results; threads that ask for the same one do not all compute it."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        lock, kept = threading.Lock(), cast(Callable[P, R], lru_cache(size)(function))
+
+        @wraps(function)
+        def call(*args: P.args, **options: P.kwargs) -> R:
+            with lock:
+                return kept(*args, **options)
+
+        return call
+
+    return decorate
 
 
 _used = _lost = False

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
-from gmwm.base.threads import in_threads
+from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.data import Curve, Part, Recordings
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
@@ -148,7 +148,6 @@ def measure(recordings: Recordings, options: CalibrationOptions, run: Execution 
         for axis in recordings.axes:
             parts[axis].append(measured[axis])
         for axis, item in items.items():
-            item.curves = None  # frees the memory
             accumulators[axis].append(item)
     swings = [swing for items in inspections.values() for item in items for swing in item.swings]
     days = {swing.axis: swing.lines() for swing in swings if len(recordings.parts) == 1}
@@ -298,6 +297,8 @@ def _curves_of(
             if item.two_levels:
                 verdict = replace(verdict, contaminated=False)
             classical = replace(classical, excess=screen.tails.excess(classical))
+            item.curves = None  # their samples are not needed any more
+            return_memory()
     else:
         assert isinstance(item, tuple)
         classical, robust = item

@@ -106,7 +106,7 @@ class AxisAccumulator:
         first = part_of(signal, 0, self._reach - have)
         if self.beginning is not None:
             first = _join(self.beginning, first)
-        elif len(first) < len(signal):
+        elif len(first) < len(signal) and not self._keep:
             # Copy the values, because a view would keep the whole array in memory.
             first = replace(first, values=first.values.copy())
         self.beginning = first

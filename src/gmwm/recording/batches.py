@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, freeze
+from gmwm.base.arrays import Vector, freeze, joined
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
@@ -19,7 +19,7 @@ from gmwm.base.threads import check_stop, return_memory
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import si_unit
 from gmwm.recording.chunks import Samples
-from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.signals import Imu, Signal, changed
 
 BATCH_SAMPLES = 1 << 21
 """Samples of a batch: 5.8 h at 100 Hz, 100 MB for six axes; a choice, as 21 is their default of `exact_levels`."""
@@ -301,8 +301,8 @@ def end_to_end(signals: Sequence[Signal], continues: Sequence[bool]) -> Signal:
         segments += moved
         starts += signal.starts[follows:]
         size += len(signal)
-    return replace(
-        signals[0], values=freeze(np.concatenate([signal.values for signal in signals])), segments=tuple(segments),
+    return changed(
+        signals[0], values=joined([signal.values for signal in signals]), segments=tuple(segments),
         starts=tuple(starts), filled=sum(signal.filled for signal in signals),
     )  # fmt: skip
 
@@ -317,4 +317,7 @@ def part_of(signal: Signal, first: int, last: int) -> Signal:
     starts[0] += max(-segments[0][0], 0) / signal.rate
     segments[0] = max(segments[0][0], 0), segments[0][1]
     segments[-1] = segments[-1][0], min(segments[-1][1], last - first)
-    return replace(signal, values=signal.values[first:last], segments=tuple(segments), starts=tuple(starts), filled=0)
+    return changed(
+        signal, values=signal.values[first:last], segments=tuple(segments), start=starts[0], starts=tuple(starts),
+        filled=0,
+    )  # fmt: skip

@@ -255,6 +255,13 @@ class Signal(Plotted):
         return replace(self[slice(*max(self.segments, key=lambda segment: segment[1] - segment[0]))], filled=0)
 
 
+def changed(signal: Signal, **valid: Any) -> Signal:
+    """Return a signal with other fields that need no check, which is a pass over all samples and all segments."""
+    new = object.__new__(Signal)
+    new.__dict__.update(signal.__dict__, **valid)
+    return new
+
+
 @dataclass(frozen=True, eq=False)
 class Imu(FrozenMappings, Plotted, Tabular):
     """A recording of several axes with one time base.

@@ -238,16 +238,25 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Sa
         if odd > max(2, 0.002 * steps.size):
             return None
     closed, far = _close_gaps(ticks, single)
-    interval, phase = _phase_locked(closed, single)
-    if interval is None:
-        return None
-    r = closed / interval - np.arange(closed.size)
-    x = r - phase
-    level = follow(x)
-    if np.count_nonzero(np.abs(x - level) > 0.75) > SEARCH.late_share * x.size:
-        return None
-    level = _with_long_steps(level, np.diff(closed) / interval)
-    return _with_closed_gaps(ticks, closed, far, level, interval=interval, width=1)
+    level = _whole_levels(closed, single)
+    if level is None:
+        interval, phase = _phase_locked(closed, single)
+        if interval is None:
+            return None
+        x = closed / interval - np.arange(closed.size) - phase
+        level = follow(x)
+        if np.count_nonzero(np.abs(x - level) > 0.75) > SEARCH.late_share * x.size:
+            return None
+        level = _with_long_steps(level, np.diff(closed) / interval)
+    return _with_closed_gaps(ticks, closed, far, level, width=1)
+
+
+def _whole_levels(ticks: Vector, interval: float) -> Rows | None:
+    """Return the levels of time stamps without jitter, drift and repeated rows, for which nothing is searched."""
+    level = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(ticks) / interval) - 1)])
+    away = ticks / interval - np.arange(ticks.size) - level
+    is_whole = np.ptp(away) < 1e-2 and bool(np.all(level[1:] >= level[:-1]))
+    return level.astype(np.int64) if is_whole else None
 
 
 def _is_rounding(found: SampleLosses, resolution: float, single: float) -> bool:
@@ -386,7 +395,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return _with_closed_gaps(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
+    return _with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name)
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
@@ -429,7 +438,7 @@ def _coherence(b: Vector) -> float:
 
 
 def _with_closed_gaps(
-    ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
+    ticks: Vector, closed: Vector, far: Rows, level: Rows, width: int, name: str = "mean"
 ) -> SampleLosses:
     """Return the gaps from the levels of the rows, together with the long gaps that were closed."""
     index = (np.arange(ticks.size) + (level - level[0])).astype(np.float64)

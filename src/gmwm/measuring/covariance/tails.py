@@ -157,7 +157,7 @@ class TailSums:
         # Differences of pairs have the tails of the samples, and hardly any slow noise.
         pairs = np.abs(panel[1::2] - panel[: panel.size // 2 * 2 : 2])
         most = int(2 * LIMITS.tail * pairs.size) + 1  # panels share them unequally
-        self._largest.append(np.partition(pairs, -most)[-most:])
+        self._largest.append(np.partition(pairs, -most)[-most:].copy())  # a view would keep all pairs
         self._pairs += pairs.size
         pairs *= pairs
         self._powers += pairs.sum(), pairs @ pairs

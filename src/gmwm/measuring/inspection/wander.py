@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Integers, Matrix, Vector
+from gmwm.base.lazy import scipy
+from gmwm.base.threads import computed_once
 
 _LEAST = float(np.finfo(float).tiny)
 _WALKS = np.concatenate([[0.0], np.geomspace(1e-6, 1e4, 60)])
@@ -38,7 +39,7 @@ class NoiseGrid:
     walk: Vector
 
 
-@lru_cache(maxsize=4)
+@computed_once(4)
 def grid_of(blocks: int) -> NoiseGrid:
     """Return the grid for a number of block means."""
     k = np.arange(1, blocks)
@@ -62,14 +63,14 @@ def grid_of(blocks: int) -> NoiseGrid:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=8)
+@computed_once(8)
 def _steps(blocks: int, first: int, last: int) -> Matrix:
     """Return the transformed jumps (n − 1, C) of size 1 before and in the middle of the blocks `first` to `last`."""
     columns = grid_of(blocks).transform[:, first - 1 : last]
     return np.hstack([columns, (columns[:, 1:] + columns[:, :-1]) / 2])
 
 
-@lru_cache(maxsize=1)
+@computed_once(1)
 def _changes(blocks: int, first: int) -> tuple[Vector, Vector, NDArray[np.float64], NDArray[np.float64]]:
     """Return places (blocks), time constants of shapes (a jump, 0, then courses that settle after a jump or without
     one), their transformed courses (S, P, n − 1), and Σ c²/λ (S, P, W) in models of white noise and a walk."""
@@ -78,8 +79,9 @@ def _changes(blocks: int, first: int) -> tuple[Vector, Vector, NDArray[np.float6
     steps = np.diff(np.maximum(edges - places[:, None], 0.0), axis=1)
     decays = np.stack([decay(edges - places[:, None], tau) for tau in times])
     # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
-    courses = np.diff(np.concatenate([steps[None], decays, steps - decays[1:]]), axis=2) @ grid.transform
-    return places, np.concatenate([[0.0], times, times[1:]]), courses, courses**2 @ grid.weights[: _WALKS.size].T
+    courses = _transformed(np.concatenate([steps[None], decays, steps - decays[1:]]))
+    squares = np.stack([of_shape**2 @ grid.weights[: _WALKS.size].T for of_shape in courses])
+    return places, np.concatenate([[0.0], times, times[1:]]), courses, squares
 
 
 def decay(edges: Matrix, tau: float) -> Matrix:
@@ -96,7 +98,7 @@ class _Boxes(NamedTuple):
     squares: Matrix
 
 
-@lru_cache(maxsize=1)
+@computed_once(1)
 def _boxes(blocks: int, first: int) -> _Boxes:
     """Return the boxes of up to an eighth of the blocks, which all axes share."""
     places, length = list[tuple[float, float]](), 1.0
@@ -104,15 +106,20 @@ def _boxes(blocks: int, first: int) -> _Boxes:
         begins = np.arange(first, blocks - first - length, max(0.5, length / 8))
         places += [(begin, begin + length) for begin in begins]
         length *= 1.5 if length < 2 else 2**0.5
-    grid, corners = grid_of(blocks), np.array(places)
-    courses = _box_courses(corners, grid)
-    return _Boxes(corners, courses, courses**2 @ grid.weights[: _WALKS.size].T)
+    corners = np.array(places)
+    courses = _box_courses(corners, blocks)
+    return _Boxes(corners, courses, courses**2 @ grid_of(blocks).weights[: _WALKS.size].T)
 
 
-def _box_courses(places: Matrix, grid: NoiseGrid) -> Matrix:
+def _box_courses(places: Matrix, blocks: int) -> Matrix:
     """Return the transformed boxes between pairs of places (P, 2)."""
-    ramps = np.clip(np.arange(1, len(grid.transform) + 2) - places[:, :, None], 0.0, 1.0)
-    return np.asarray(np.diff(ramps[:, 0] - ramps[:, 1], axis=1) @ grid.transform)
+    ramps = np.clip(np.arange(1, blocks + 1) - places[:, :, None], 0.0, 1.0)
+    return _transformed(ramps[:, 0] - ramps[:, 1])
+
+
+def _transformed(courses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the differences of courses along the last axis, times `NoiseGrid.transform`, which is a sine transform."""
+    return np.asarray(scipy.fft.dst(np.diff(courses), type=1, norm="ortho", overwrite_x=True))
 
 
 class CoursePairs(NamedTuple):
@@ -128,11 +135,11 @@ class CoursePairs(NamedTuple):
         return cls(first, second, (weights @ (first**2).T, weights @ (first * second).T, weights @ (second**2).T))
 
 
-@lru_cache(maxsize=2)
+@computed_once(2)
 def waves_of(blocks: int, periods: tuple[float, ...]) -> CoursePairs:
     """Return the cosine and sine with each number of periods in the recording, which all axes share."""
     grid, phase = grid_of(blocks), 2 * np.pi * np.outer(periods, np.arange(blocks) + 0.5) / blocks
-    cosines, sines = (np.diff(courses, axis=1) @ grid.transform for courses in (np.cos(phase), np.sin(phase)))
+    cosines, sines = _transformed(np.cos(phase)), _transformed(np.sin(phase))
     return CoursePairs.of(grid.weights, cosines, sines)
 
 
@@ -186,7 +193,7 @@ class Likelihood:
 
     def transform(self, courses: Matrix) -> Matrix:
         """Return the transformed differences of courses (C, n), with one course in each row."""
-        return np.asarray(np.diff(courses, axis=1) @ self.grid.transform)
+        return _transformed(courses)
 
     def without(self) -> CourseProfile:
         """Return the profile likelihood without a course."""
@@ -247,7 +254,7 @@ class Likelihood:
             near = np.repeat(places[None, :], 41, axis=0)
             near[:, k] += np.linspace(-0.25, 0.25, 41) * (places[1] - places[0])
             near = near[(near[:, 0] >= first) & (near[:, 1] <= self.z.size + 1 - first)]
-            courses = _box_courses(near, self.grid)
+            courses = _box_courses(near, self.z.size + 1)
             places = near[np.argmax((courses @ (weights * self.z)) ** 2 / (courses**2 @ weights))]
         begin, end = places.tolist()
         return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights

@@ -85,10 +85,12 @@ class BurstFinder:
         # Sums over panels by level: squares and those in bursts, coefficients and those in bursts, bursts.
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
+        self._step: float | None = None  # quantization step in this sample, once a panel is complete
 
     def update(self, values: Vector) -> None:
         """Add the next samples of the segment."""
         self._sample.update(values)
+        self._step = None
         for panel in self.panels.divide(values):
             self._add(panel)
 
@@ -109,8 +111,9 @@ class BurstFinder:
         )  # fmt: skip
 
     def _add(self, panel: Vector) -> None:
-        step = step_of(self._sample.values()) or 0.0
-        for level in coefficients(panel, self.rate, step):
+        if self._step is None:
+            self._step = step_of(self._sample.values()) or 0.0
+        for level in coefficients(panel, self.rate, self._step):
             bursts = _bursts(level, small=False)
             occupied, count = int(np.sum(bursts.last - bursts.first + 1)), bursts.first.size
             sums = level.energy, float(bursts.energy.sum()), level.size, occupied, count

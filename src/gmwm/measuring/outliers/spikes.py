@@ -194,7 +194,7 @@ def _bulk(
         return local, values.size, np.inf, np.inf
     if right is not None:
         relative = relative[right[places[: count * piece]]]
-    return local, piece * stride, _freedom(relative, 3.0), _freedom(relative, 0.0)
+    return local, piece * stride, *_freedom(relative)
 
 
 def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
@@ -202,17 +202,18 @@ def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:
     return np.asarray(scale[np.minimum(places // length, scale.size - 1)])
 
 
-def _freedom(relative: Vector, errors: float) -> float:
+def _freedom(relative: Vector) -> tuple[float, float]:
     """Return the t distribution's freedom at which the ratio of the 90 % quantile to the median of absolute values is
-    the measured one plus `errors` standard errors."""
+    three standard errors above the measured one, and at the measured one."""
     from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
     expected = stdtrit(grid, 0.95) / stdtrit(grid, 0.75)
     error = 1.5 / np.sqrt(relative.size)  # of the ratio; 1.2 for independent residuals of Gaussian noise
     middle, high = np.quantile(relative, [0.5, 0.9])
-    ratio = float(high / middle) * (1 + errors * error) if middle > 0 else np.inf
-    return float(np.interp(-ratio, -expected, grid))
+    ratio = float(high / middle) if middle > 0 else np.inf
+    least, likely = np.interp([-ratio * (1 + 3.0 * error), -ratio], -expected, grid).tolist()
+    return least, likely
 
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:

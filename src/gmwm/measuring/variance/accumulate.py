@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gmwm.base.arrays import Vector, as_rate
+from gmwm.base.arrays import Vector, as_rate, joined
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.axis_results import chi_square_limits
@@ -305,8 +305,10 @@ class WaveletAccumulator(SegmentedAccumulator):
         """Return all samples so far as a Signal; this requires that all of them are stored."""
         values = self._held.segments()
         ends = np.cumsum([0, *map(len, values)]).tolist()
-        x = values[0] if len(values) == 1 else np.concatenate(values)
-        return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)), filled=self.filled)
+        return Signal(
+            joined(values), self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)),
+            filled=self.filled,
+        )  # fmt: skip
 
     def _require_samples(self) -> None:
         """Raise an error if there are fewer than 8 samples without a gap."""

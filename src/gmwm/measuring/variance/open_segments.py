@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.base import _core
-from gmwm.base.arrays import Integers, Vector, as_vector, as_whole_number
+from gmwm.base.arrays import Integers, Vector, as_vector, as_whole_number, joined
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.measuring.variance.rise import RiseSums
 from gmwm.measuring.variance.segment_state import SegmentState, Statistics, StatisticsCollector
@@ -82,7 +82,7 @@ class HeldSamples:
     def segments(self) -> list[Vector]:
         """Return the samples of each segment as one array."""
         self._flush()
-        self._segments = [segment if len(segment) < 2 else [np.concatenate(segment)] for segment in self._segments]
+        self._segments = [segment if len(segment) < 2 else [joined(segment)] for segment in self._segments]
         return [segment[0] for segment in self._segments if segment]
 
     def _flush(self) -> None:

@@ -19,7 +19,7 @@ from gmwm.recording.batches import Batch, end_to_end, join_batches
 from gmwm.recording.gaps import gaps
 from gmwm.recording.gaps.drawing import drawn
 from gmwm.recording.gaps.gaps import restarts
-from gmwm.recording.signals import Signal
+from gmwm.recording.signals import Signal, changed
 
 
 def fill_gaps(signals: Mapping[str, Signal]) -> dict[str, Signal]:
@@ -131,12 +131,19 @@ class _Window:
         while self._parts and self._first + len(self._parts[0]) <= first:
             self._first += len(self._parts.pop(0))
         if self._parts and self._first < first:
-            remainder = self._parts[0].between(first - self._first, len(self._parts[0]))
-            # Copy the few samples that remain, so that the memory of the others can be freed.
-            self._parts[0] = replace(
-                remainder, signals={axis: replace(x, values=x.values.copy()) for axis, x in remainder.signals.items()}
-            )
-            self._first = first
+            size = len(self._parts[0])
+            remainder = self._parts[0].between(first - self._first, size)
+            signals = {axis: _without_others(x, size) for axis, x in remainder.signals.items()}
+            self._parts[0], self._first = replace(remainder, signals=signals), first
+
+
+def _without_others(x: Signal, size: int) -> Signal:
+    """Copy what remains of a batch of `size` samples, so that the memory of the others can be freed, unless the batch
+    is a part of a recording in memory."""
+    whole = x.values.base
+    if isinstance(whole, np.ndarray) and whole.size > size:
+        return x
+    return changed(x, values=freeze(x.values.copy()))
 
 
 def _joined(window: Sequence[Batch], axis: str) -> Signal:

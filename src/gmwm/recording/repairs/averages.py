@@ -180,8 +180,10 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     rows = [np.lib.stride_tricks.sliding_window_view(x, _LENGTH)[:: _LENGTH // 2] for x in long]
     every = max(sum(map(len, rows)) // _MOST, 1)
     blocks = rows[0][::every] if len(rows) == 1 else np.concatenate(rows)[::every]
-    window = np.hanning(_LENGTH)
-    density = np.mean(np.abs(np.fft.rfft((blocks - blocks.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
+    window, density = np.hanning(_LENGTH), np.zeros(_LENGTH // 2 + 1)
+    for part in np.array_split(blocks, max(len(blocks) // 16, 1)):  # whose spectra fit in the cache of a processor
+        spectra = np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * window)
+        density += np.sum(spectra.real**2 + spectra.imag**2, axis=0) / len(blocks)
     frequency = np.arange(density.size) / _LENGTH
     fast, slow, slower = (
         float(np.median(density[(frequency >= low) & (frequency < high)])) for low, high in (_FAST, _SLOW, _SLOWER)

@@ -241,7 +241,7 @@ def _frozen_length(values: Vector, same: Mask) -> int:
     w, sums = min(500, returned.size), np.cumsum(returned)
     most = np.max(sums[w - 1 :] - sums[: 1 - w] + returned[: 1 - w])
     share = max(share, (most - 3 * math.sqrt(most)) / w)
-    if share > _COARSE or is_slow(level):
+    if share > _COARSE:
         return usual
     # Gaussian values stay at the likeliest level with √2 times this share, and any others at most with its root.
     stays = min(3 * share, math.sqrt(share))
@@ -249,7 +249,8 @@ def _frozen_length(values: Vector, same: Mask) -> int:
     # A smooth signal stays at its turns, and leaves them by small steps.
     runs = np.flatnonzero(lengths[1:] >= least)
     ends = np.maximum(sizes[runs], sizes[runs + 1])
-    return least if least < usual and runs.size and np.mean(ends) > np.median(sizes) else usual
+    is_frozen = least < usual and runs.size and np.mean(ends) > np.median(sizes) and not is_slow(level)
+    return least if is_frozen else usual
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:
