@@ -142,10 +142,11 @@ def _oscillator_of_grid(wv: WaveletVariance, fit: Fit, required: Sequence[Proces
     )
     target = root @ wv.variance[used]
     table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
-    least = _core.nonnegative_least_squares(target, table[:-1])[1]
-    distances = np.empty(len(peaks))
-    for k, oscillator in enumerate(_unit(oscillators)):
-        table[-1] = oscillator
+    weights, least = _core.nonnegative_least_squares(target, table[:-1])
+    distances, oscillators = np.full(len(peaks), least), _unit(oscillators)
+    # The others get no weight (Karush-Kuhn-Tucker).
+    for k in np.flatnonzero(oscillators @ (target - weights @ table[:-1]) > 0).tolist():
+        table[-1] = oscillators[k]
         distances[k] = _core.nonnegative_least_squares(target, table)[1]
     nearest = int(np.argmin(distances))
     if distances[nearest] > max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least):
