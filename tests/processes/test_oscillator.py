@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.choosing.selection import search
+from gmwm.choosing.selection.ranking import RankingOptions
 from gmwm.measuring.covariance import Design, covariance
 from gmwm.theory.processes import GM, OSC, SIN
 from gmwm.theory.processes.exponential_sum import lag_sums
@@ -121,7 +122,7 @@ def test_the_search_looks_for_an_oscillator_where_the_curve_has_room_for_one(fre
     ):  # fmt: skip
         wv = gmwm.WaveletVariance.from_values(curve, samples=2**19, rate=RATE)
         fit = gmwm.fit("4*GM + WN + RW", wv, certify=False)
-        assert search._can_oscillate(wv, fit, (), fastest=0.8) is expected
+        assert (search._oscillator_of_grid(wv, fit, (), fastest=0.8) is not None) is expected
 
 
 @pytest.mark.slow
@@ -140,6 +141,21 @@ def test_the_search_finds_an_oscillation_and_n_without_it(samples, frequency, qu
     assert n.low is not None
     assert n.low <= 5e-4 <= n.high
     assert "lines:oscillation" in codes(axis.remarks)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_search_for_other_optima_does_not_lose_an_oscillation(seed):
+    """With the weights of the oscillation, a line at another frequency fits better."""
+    model = gmwm.Model.parse("WN(sigma2=1e-6) + DR(omega=1.2e-10)")
+    model += OSC(frequency=0.0293, quality=13.4, sigma2=3.45e-9)
+    design = Design(np.arange(1, 18), 303_102, 1000.0)
+    curve = model.wavelet_variance(17, 1000.0)
+    drawn = np.random.default_rng(seed).multivariate_normal(curve, covariance(model, design))
+    wv = gmwm.WaveletVariance.from_values(np.maximum(drawn, 0.1 * curve), samples=303_102, rate=1000.0)
+    choice = search.search(wv, None, RankingOptions())
+    (found,) = (process for process in choice.ranking.recommended.fit.model.processes if isinstance(process, OSC))
+    assert found.value("frequency") == pytest.approx(0.0293, rel=0.05)
+    assert choice.error == 0.0
 
 
 def test_gauss_markov_noise_is_no_oscillation():

@@ -1,10 +1,11 @@
 """Peaks of a spectrum that are damped oscillators, and lines that are not."""
 
+import mpmath
 import numpy as np
 import pytest
 
 from gmwm import WN, psd
-from gmwm.measuring.spectrum.narrow import resonance_of
+from gmwm.measuring.spectrum.narrow import _hann_lorentz, resonance_of
 from gmwm.theory.processes.oscillator import OSC
 
 RATE, SAMPLES = 100.0, 360_000
@@ -14,6 +15,24 @@ def _resonances(x):
     spectrum = psd(x, rate=RATE)
     peaks = [*spectrum.lines, *spectrum.bumps]
     return [resonance_of(spectrum, peak, [other for other in peaks if other is not peak]) for peak in peaks]
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.3, 3.0, 50.0])
+def test_the_density_of_a_resonance_over_hann_blocks_is_exact(damping):
+    """∫₀¹ e^(−αu) cos(δu) c(u) du, where c(u) = (1 − u)(2/3 + cos(2πu)/3) + sin(2πu)/(2π) is that of the window."""
+    distance = np.array([-300.0, -6.3, 0.0, 1.0, 40.0, 299.0])
+    with mpmath.workdps(30):
+        turn = 2 * mpmath.pi
+
+        def density(delta: float) -> float:
+            def at(u):
+                hann = (1 - u) * (2 + mpmath.cos(turn * u)) / 3 + mpmath.sin(turn * u) / turn
+                return mpmath.exp(-mpmath.mpf(damping) * u) * mpmath.cos(delta * u) * hann
+
+            return float(mpmath.quad(at, np.linspace(0, 1, 50).tolist()))
+
+        exact = [density(delta) for delta in distance]
+    np.testing.assert_allclose(_hann_lorentz(damping, distance), exact, rtol=2e-12)
 
 
 @pytest.mark.slow

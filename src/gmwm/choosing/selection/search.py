@@ -26,7 +26,8 @@ from gmwm.choosing.selection.structure import freedom, largest_within, without_v
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.fitting.estimation.result import Fit
-from gmwm.fitting.estimation.reweighting import drawn_covariance
+from gmwm.fitting.estimation.reweighting import drawn_covariance, settle
+from gmwm.fitting.estimation.solver import solve_near
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -91,15 +92,22 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
         term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and term.shape_is_fixed
     ]
     shaped = any(isinstance(term, Lagged) for term in required)
-    model = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, OSC(), *required))
+    slow = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, *required))
     # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
     fastest = wv.rate / (2 * math.pi * fast_part.FAST)
-    if freedom(model) > len(wv) or not _can_oscillate(wv, choice.ranking.recommended.fit, required, fastest):
+    enough = freedom(slow) + len(OSC().parameters) <= len(wv)
+    start = _oscillator_of_grid(wv, choice.ranking.recommended.fit, required, fastest) if enough else None
+    if start is None:
         return None
     try:
-        fit = nearly_fitted(model, wv, options.weighting)
+        # A search elsewhere with the last weights may find a line that other weights contradict.
+        settled = settle(
+            Model((*slow.processes, start)), wv, options.weighting, certify=False, fixed=STATED_MISFIT,
+            first=solve_near, search=False,
+        )  # fmt: skip
     except GmwmError:
         return None
+    fit = Fit.of(settled, wv, options.weighting)
     oscillator = next(p for p in fit.model.processes if p.name == OSC.name and not p.shape_is_fixed)
     bound = Distance.of(fit).surely
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
@@ -107,20 +115,22 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
     curve = fast_part.with_oscillator_error(wv, fit, [held])
     family = fast_part.BESIDE if shaped else SLOW
-    return within_family(
-        family, curve, options, required=(*required, held), check=check, entered="oscillation"
-    ).after(*(replace(step, used=False) for step in choice.steps))  # fmt: skip
+    found = within_family(family, curve, options, required=(*required, held), check=check, entered="oscillation")
+    pvalue, before = found.ranking.recommended.pvalue, choice.ranking.recommended.pvalue
+    if not _is_accepted(found.ranking) and (before is None or pvalue is None or pvalue < before):
+        return None
+    return found.after(*(replace(step, used=False) for step in choice.steps))
 
 
-def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> bool:
-    """Return whether an oscillator of a grid (up to `fastest`, Hz) may explain the variance beside smooth and required
-    processes; fits to curves without one take a hundred times longer."""
+def _oscillator_of_grid(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> OSC | None:
+    """Return the oscillator of a grid (up to `fastest`, Hz) that best explains the variance beside smooth and required
+    processes, with the weights of `fit`; None if none is near enough."""
     used = usable_levels(wv)
     design = Design.of(wv).only(used)
     try:
         root = square_root(precision(drawn_covariance(fit.model, design, wv.variance[used])))
     except GmwmError:
-        return True
+        return None
     (branch,) = GM.search(wv.samples, wv.rate)
     smooth = [(type(process), process.nonlinear[None]) for process in (WN(), QN(), RW(), *required)]
     smooth.append((GM, branch.values(np.linspace(branch.low, branch.high, 96))))
@@ -132,13 +142,17 @@ def _can_oscillate(wv: WaveletVariance, fit: Fit, required: Sequence[Process], f
     )
     target = root @ wv.variance[used]
     table = np.ascontiguousarray(np.concatenate([_unit(rows), np.zeros((1, target.size))]))
-    least = _core.nonnegative_least_squares(target, table[:-1])[1]
-    limit = max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least)
-    for oscillator in _unit(oscillators):
-        table[-1] = oscillator
-        if _core.nonnegative_least_squares(target, table)[1] <= limit:
-            return True
-    return False
+    weights, least = _core.nonnegative_least_squares(target, table[:-1])
+    distances, oscillators = np.full(len(peaks), least), _unit(oscillators)
+    # The others get no weight (Karush-Kuhn-Tucker).
+    for k in np.flatnonzero(oscillators @ (target - weights @ table[:-1]) > 0).tolist():
+        table[-1] = oscillators[k]
+        distances[k] = _core.nonnegative_least_squares(target, table)[1]
+    nearest = int(np.argmin(distances))
+    if distances[nearest] > max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least):
+        return None
+    frequency, quality = peaks[nearest].tolist()
+    return OSC(frequency=frequency, quality=quality)
 
 
 def _unit(rows: Matrix) -> Matrix:

@@ -178,15 +178,11 @@ def _hann_lorentz(damping: float, distance: Vector) -> Vector:
     """Return ∫₀¹ e^(−αu) cos(δu) c(u) du, autocorrelation c of the Hann window, α = πwT, δ in rad per block."""
     s = damping - 1j * distance
     turn = 2j * math.pi
-
-    def constant(z: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(-np.expm1(-z) / z)
-
-    def falling(z: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray((1 - constant(z)) / z)
-
-    sums: NDArray[Any] = 2 / 3 * falling(s) + (falling(s + turn) + falling(s - turn)) / 6
-    sums = sums + (constant(s - turn) - constant(s + turn)) / (4j * math.pi)
+    # ∫₀¹ e^(−zu) du = (1 − e^(−z)) / z for z = s and s ± 2πi, whose e^(−z) is the same, and ∫₀¹ (1 − u) e^(−zu) du.
+    fallen = -np.expm1(-s)
+    here, after, before = fallen / s, fallen / (s + turn), fallen / (s - turn)
+    sums: NDArray[Any] = 2 / 3 * (1 - here) / s + ((1 - after) / (s + turn) + (1 - before) / (s - turn)) / 6
+    sums = sums + (before - after) / (4j * math.pi)
     return np.asarray(np.maximum(sums.real, 1e-300))
 
 
