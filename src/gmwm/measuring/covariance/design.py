@@ -86,7 +86,14 @@ class Design:
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
         return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
-    @property
+    @cached_property
+    def gaussian(self) -> Design:
+        """The design itself if the signal is Gaussian and no sample is filled; otherwise the design with this."""
+        if self.added is None and not self.filled:
+            return self
+        return replace(self, excess=None, model_error=0.0, filled=0)
+
+    @cached_property
     def added(self) -> Matrix | None:
         """Relative covariance (J, J) in addition to that of a Gaussian signal; None if zero."""
         if not self.model_error:
@@ -94,7 +101,7 @@ class Design:
         own = self.model_error**2 * np.eye(self.levels.size)
         return own if self.excess is None else self.excess + own
 
-    @property
+    @cached_property
     def for_weights(self) -> Design:
         """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %. Weights
         with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""
