@@ -57,7 +57,7 @@ class Problem:
         """Indices of all processes with a free shape, the curved ones first."""
         return (*self.curved, *self.free)
 
-    @property
+    @cached_property
     def curved_class(self) -> type[Process] | None:
         """Class of the curved processes; None if there are none."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
