@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -40,10 +40,11 @@ class Design:
         # Copy the array, because the caller's array must stay writable.
         object.__setattr__(self, "levels", freeze(np.array(self.levels, dtype=np.int64)))
 
-    @classmethod
-    def of(cls, wv: WaveletVariance) -> Design:
+    @staticmethod
+    @lru_cache(maxsize=12)
+    def of(wv: WaveletVariance) -> Design:
         """Return the design of a wavelet variance."""
-        return cls(
+        return Design(
             levels=wv.levels, samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform,
             efficiency=wv.efficiency, segments=wv.segments, filled=wv.filled, strides=wv.strides, excess=wv.excess,
             model_error=wv.model_error,
