@@ -158,7 +158,7 @@ def _of_process(
 ) -> tuple[Matrix, Matrix]:  # fmt: skip
     """Return `_derivatives` of one process: by the scale coefficient, then by the parameters `free`."""
     if not process.nonlinear_parameters():
-        return unit_shape(type(process).standard(), levels, rate, filter)[:, None], np.zeros((1, 1))
+        return unit_shape(process, levels, rate, filter)[:, None], np.zeros((1, 1))
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0] if free.size else at
@@ -167,7 +167,7 @@ def _of_process(
         # bootstrap).
         steps[i] = 1e-4 * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
-    shape = process.moments(at.reshape(1, -1), levels, rate, filter)[0]
+    shape = process.unit_shape(levels, rate, filter)
     slope = np.empty((levels.size, 1 + free.size))
     bend = np.zeros((1 + free.size, 1 + free.size))
     slope[:, 0] = shape

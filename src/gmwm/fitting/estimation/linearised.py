@@ -80,10 +80,9 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
 
 def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
     """Compute the derivatives θ ∂ν_j²/∂θ (J, p) with respect to the logarithms of the parameters `names`."""
-    jacobian = model.jacobian(design.levels, design.rate, design.filter)
-    place = {name: k for k, name in enumerate(model.names)}
-    values = sizes_of(model, names)
-    return np.asarray(jacobian[:, [place[name] for name in names]] * values)
+    if not names:
+        return np.empty((design.levels.size, 0))
+    return np.asarray(model.jacobian(design.levels, design.rate, design.filter, names) * sizes_of(model, names))
 
 
 def slopes_of(fit: Fit) -> Matrix:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import sqrt
 
 import numpy as np
 
-from gmwm.base.arrays import Integers, Matrix, Vector, freeze
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import ModelError
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.variance.result import WaveletVariance
@@ -57,7 +57,7 @@ class Problem:
         """Indices of all processes with a free shape, the curved ones first."""
         return (*self.curved, *self.free)
 
-    @property
+    @cached_property
     def curved_class(self) -> type[Process] | None:
         """Class of the curved processes; None if there are none."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
@@ -140,12 +140,7 @@ def weigh(observed: Vector, weights: Weights) -> tuple[float, Vector]:
 
 def unit_shape(process: Process, levels: Integers, rate: float, filter: WaveletFilter) -> Vector:
     """Return the variance (J,) of a known shape for scale coefficient 1; ModelError if it is zero."""
-    return _unit_shape(process, tuple(levels.tolist()), rate, filter)
-
-
-@lru_cache(maxsize=64)
-def _unit_shape(process: Process, levels: tuple[int, ...], rate: float, filter: WaveletFilter) -> Vector:
-    shape = np.asarray(process.moments(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
+    shape = process.unit_shape(levels, rate, filter)
     if not np.any(shape > 0):
         raise ModelError(
             f"the wavelet variance of {process} ({process.title.lower()}) is zero at {rate:g} Hz under the filter "
@@ -154,7 +149,7 @@ def _unit_shape(process: Process, levels: tuple[int, ...], rate: float, filter: 
             if filter.vanishing_moments > 1
             else "Leave it out of the model.",
         )
-    return freeze(shape)
+    return shape
 
 
 def to_find(process: Process) -> tuple[int, ...]:

@@ -126,24 +126,27 @@ def _iterate(
             best, weights, change, expected = result
             problem = problem.under(np.diag(weights))
             return _Iterated(problem, move(search_of(problem), solution, best), change, expected)
-    ahead, implied, poor_start = _Ahead(), _implied_curve(problem, solution, wv), weighting == "optimal"
+    at = model_of(problem, solution, wv.slope)
+    ahead, implied, poor_start = _Ahead(), _curve(at, wv), weighting == "optimal"
     history: list[float] = []
     for _ in range(rounds):
         check_stop()
         try:
-            matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
+            matrix = implied_weights(weighting, ahead.of(at.sorted(wv.rate)), design, wv.variance)
         except (MissingTheoryError, ModelError) as error:
             if poor_start and isinstance(error, ModelError):
                 # The weights of a poor first estimate led to a model without noise.
                 problem, poor_start = problem.under(_weights_of_the_data(weighting, wv, design)), False
                 solution, ahead = solve(problem, certify=False), _Ahead()
+                at = model_of(problem, solution, wv.slope)
                 continue
             if weighting == "optimal":
                 raise
             return _Iterated(problem, solution, reason=error.reason)
         problem = problem.under(matrix)
         solution = resume(problem, solution)
-        before, implied = implied, _implied_curve(problem, solution, wv)
+        at = model_of(problem, solution, wv.slope)
+        before, implied = implied, _curve(at, wv)
         change = _change(before, implied)
         history.append(change)
         # The next change is expected to be smaller by the last ratio of changes.
@@ -202,8 +205,7 @@ class _Ahead:
         self.given: dict[str, float] = {}
         self.pairs: list[tuple[Vector, Vector]] = []
 
-    def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
-        model = model_of(problem, solution, wv.slope).sorted(wv.rate)
+    def of(self, model: Model) -> Model:
         logarithms = _logarithms(model)
         if list(logarithms) != list(self.given):
             self.pairs = []
@@ -266,7 +268,11 @@ def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vecto
 
 
 def _implied_curve(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:
-    return model_of(problem, solution, wv.slope).wavelet_variance(wv.levels, wv.rate, wv.filter)
+    return _curve(model_of(problem, solution, wv.slope), wv)
+
+
+def _curve(model: Model, wv: WaveletVariance) -> Vector:
+    return model.wavelet_variance(wv.levels, wv.rate, wv.filter)
 
 
 def _change(before: Vector, after: Vector) -> float:

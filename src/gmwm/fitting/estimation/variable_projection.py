@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector, freeze
+from gmwm.base.arrays import Integers, Matrix, Vector, freeze
 from gmwm.base.threads import check_stop
-from gmwm.fitting.estimation.atoms import shapes
+from gmwm.fitting.estimation.atoms import shape_at
 from gmwm.fitting.estimation.branch_and_bound import Search
 from gmwm.fitting.estimation.problem import Problem, to_find
 from gmwm.theory.processes.base import Process
@@ -128,6 +128,14 @@ class Surface:
         self.spans = list(pairwise(accumulate((free.size for free in self.frees), initial=0)))
         ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
+        self._none = np.empty((0, problem.levels.size))
+        self._owners = {0: np.repeat(np.arange(len(self.frees)), [free.size for free in self.frees])}
+
+    def owners(self, count: int) -> Integers:
+        """Return the index of the shaped process to which each coordinate belongs, if `count` processes are curved."""
+        if count not in self._owners:
+            self._owners[count] = np.concatenate([np.arange(count), count + self._owners[0]])
+        return self._owners[count]
 
     def split(self, point: ShapePoint) -> tuple[Vector, list[Vector]]:
         """Return the search coordinates of the curved processes, and the coordinates of each free process."""
@@ -141,16 +149,13 @@ class Surface:
         values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
         if any(not (free.together or free.possible(row)[0]) for free, row in zip(self.frees, values, strict=True)):
             return None
-        rows = self._free_shapes(values)
-        if point.branches:
-            rows = np.concatenate([self._curved_shapes(point.branches, u), rows])
-        rows = rows @ self.problem.root.T
-        if not np.isfinite(rows).all():
+        weighted = self._rows([self._curved_shapes(point.branches, u), *self._free_shapes(values)])
+        lengths = np.sqrt((weighted * weighted).sum(axis=1))
+        if not np.isfinite(lengths).all():
             return None
-        lengths = np.linalg.norm(rows, axis=1)
         # A process whose wavelet variance is zero, such as a sinusoid at a zero of the filters, gets no weight.
-        units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
-        every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
+        weighted /= np.where(lengths > 0, lengths, 1.0)[:, None]
+        every = np.concatenate([self.fixed, weighted])
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
         return Projection(
             objective=objective, point=point, weights=weights, units=every, lengths=lengths,
@@ -159,15 +164,19 @@ class Surface:
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Return the wavelet variances (n, J) of the free processes with scale coefficient 1 at the coordinates `z`."""
-        return self._free_shapes([f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)])
+        values = [f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)]
+        return np.concatenate([self._none, *self._free_shapes(values)])
 
-    def _free_shapes(self, values: list[Matrix]) -> Matrix:
+    def _rows(self, parts: list[Matrix]) -> Matrix:
+        """Return weighted rows (n, J) of parts."""
+        return np.concatenate([self._none, *parts]) @ self.problem.root.T
+
+    def _free_shapes(self, values: list[Matrix]) -> list[Matrix]:
         problem = self.problem
-        rows = [
+        return [
             free.kind.moments(row, problem.levels, problem.rate, problem.filter)
             for free, row in zip(self.frees, values, strict=True)
         ]
-        return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
         """Return the search for the curved processes with the free ones fixed, without those of zero variance."""
@@ -180,9 +189,11 @@ class Surface:
 
     def _curved_shapes(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
         curved_class, problem = self.problem.curved_class, self.problem
+        if not branches:
+            return self._none
         assert curved_class is not None
-        places = list(zip(branches, u.tolist(), strict=True))
-        return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
+        parameters = np.concatenate([branch.values(places) for branch, places in _runs(branches, u)])
+        return shape_at(curved_class, parameters, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
         """Return the derivatives (d, J) of Σ weight · unit vector at constant lengths, kept for later searches."""
@@ -194,37 +205,31 @@ class Surface:
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
-        # Empty if no process has a shape.
-        rows = [np.empty((0, np.size(problem.levels)))]
+        rows = []
         if branches:
             curved_class = problem.curved_class
             assert curved_class is not None
-            pairs = [(branches[0], u)]
-            if any(branch is not branches[0] for branch in branches):
-                pairs = [(branch, u[k : k + 1]) for k, branch in enumerate(branches)]
+            pairs = _runs(branches, u)
             parameters = np.concatenate([branch.values(places) for branch, places in pairs])
             by_u = np.concatenate([branch.slope(places) for branch, places in pairs])
             rows.append(
                 curved_class.moments_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
             )
-        owner = list(range(len(branches)))
-        for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
+        for free, part in zip(self.frees, z, strict=True):
             values, by_z = free.with_slopes(part)
             jacobian = free.kind.moments_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
             rows.append((jacobian @ by_z).T)
-            owner += [len(branches) + place] * free.size
-        lengths = found.lengths[owner]
-        share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
-        return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
+        share = found.weights[first:] / np.where(found.lengths > 0, found.lengths, 1.0)
+        return self._rows(rows) * share[self.owners(len(branches)), None]
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
         """Return a mask of the coordinates of processes with a weight for which a step does not leave the branch."""
-        first, count = len(self.fixed), len(found.point.branches)
-        free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
-        able = np.concatenate([found.weights[first : first + count] > 0, *free])
-        for k, (branch, u) in enumerate(zip(found.point.branches, found.point.x[:count], strict=True)):
-            able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
-        return np.asarray(able, dtype=np.bool_)
+        count = len(found.point.branches)
+        able = (found.weights[len(self.fixed) :] > 0)[self.owners(count)]
+        for k, (branch, u) in enumerate(zip(found.point.branches, found.point.x[:count].tolist(), strict=True)):
+            if (u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0):
+                able[k] = False
+        return able
 
     def move(self, point: ShapePoint, step: Vector) -> ShapePoint:
         """Return the point after a step, limited to its branches and bounds."""
@@ -333,6 +338,13 @@ class Surface:
         if not np.linalg.eigvalsh(hessian / np.outer(size, size))[0] > 1e-10:
             return None
         return hessian
+
+
+def _runs(branches: tuple[Branch, ...], u: Vector) -> list[tuple[Branch, Vector]]:
+    """Return branches with their coordinates, together if all are the same."""
+    if all(branch is branches[0] for branch in branches):
+        return [(branches[0], u)]
+    return [(branch, u[k : k + 1]) for k, branch in enumerate(branches)]
 
 
 def _solve(matrix: Matrix, right: Vector) -> Vector:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -23,12 +22,12 @@ from gmwm.theory.processes.model import Model, ModelLike, as_model
 
 def covariance(model: Model, design: Design, *, diagonal: bool = False) -> Matrix:
     """Compute V = Cov(ν̂², ν̂²) (J, J), in u⁴; its `diagonal` (J,) takes a tenth of the time."""
-    if (added := design.added) is not None:
+    if design.gaussian is not design:
+        bare = design.loss_factor * covariance(model, design.gaussian, diagonal=diagonal)
+        if (added := design.added) is None:
+            return np.asarray(bare)
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
-        bare = covariance(model, replace(design, excess=None, model_error=0.0), diagonal=diagonal)
         return np.asarray(bare + (np.diag(added) * curve**2 if diagonal else added * np.outer(curve, curve)))
-    if design.filled:
-        return np.asarray(design.loss_factor * covariance(model, replace(design, filled=0), diagonal=diagonal))
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment, diagonal=diagonal))
     if design.filter.lags:
@@ -45,7 +44,7 @@ def covariance(model: Model, design: Design, *, diagonal: bool = False) -> Matri
 
 def covariances(model: Model, *designs: Design) -> list[Matrix]:
     """Compute `covariance` for designs that differ only in their excess and their model error."""
-    own = covariance(model, replace(designs[0], excess=None, model_error=0.0))
+    own = designs[0].loss_factor * covariance(model, designs[0].gaussian)
     if all(design.added is None for design in designs):
         return [own] * len(designs)
     curve = model.wavelet_variance(designs[0].levels, designs[0].rate, designs[0].filter)
@@ -63,8 +62,8 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
     ν̂_j² is the first term of the Hermite expansion of ν̃_j², so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j², ν̂_k²). The variance is
     the rest of the expansion, Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
-    if design.filled:
-        return np.asarray(design.loss_factor * ratio_variances(model, replace(design, filled=0)))
+    if design.gaussian is not design:
+        return np.asarray(design.loss_factor * ratio_variances(model, design.gaussian))
     if design.segments:
         return pooled(design, lambda segment: ratio_variances(model, segment))
     lines.apart(model, design)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -40,10 +40,11 @@ class Design:
         # Copy the array, because the caller's array must stay writable.
         object.__setattr__(self, "levels", freeze(np.array(self.levels, dtype=np.int64)))
 
-    @classmethod
-    def of(cls, wv: WaveletVariance) -> Design:
+    @staticmethod
+    @lru_cache(maxsize=12)
+    def of(wv: WaveletVariance) -> Design:
         """Return the design of a wavelet variance."""
-        return cls(
+        return Design(
             levels=wv.levels, samples=wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform,
             efficiency=wv.efficiency, segments=wv.segments, filled=wv.filled, strides=wv.strides, excess=wv.excess,
             model_error=wv.model_error,
@@ -86,7 +87,14 @@ class Design:
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
         return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
-    @property
+    @cached_property
+    def gaussian(self) -> Design:
+        """The design itself if the signal is Gaussian and no sample is filled; otherwise the design with this."""
+        if self.added is None and not self.filled:
+            return self
+        return replace(self, excess=None, model_error=0.0, filled=0)
+
+    @cached_property
     def added(self) -> Matrix | None:
         """Relative covariance (J, J) in addition to that of a Gaussian signal; None if zero."""
         if not self.model_error:
@@ -94,7 +102,7 @@ class Design:
         own = self.model_error**2 * np.eye(self.levels.size)
         return own if self.excess is None else self.excess + own
 
-    @property
+    @cached_property
     def for_weights(self) -> Design:
         """Design for the weights of a fit, with only the diagonal of the excess, up to a relative error of 1 %. Weights
         with an error common to all levels would make a curve of zero a good fit (Peelle's puzzle)."""

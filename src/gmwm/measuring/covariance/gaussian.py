@@ -8,7 +8,7 @@ rule for sums over integers is used between kinks, and every lag near them."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +35,9 @@ def knows(model: Model, design: Design) -> bool:
 
 def covariance(model: Model, design: Design) -> Matrix:
     """Compute the covariance V (J, J), in u⁴."""
-    size = design.levels.size
-    coarser, finer = np.tril_indices(size)
+    size, pairs = design.levels.size, _Pairs.of(design, diagonal=False)
     v = np.empty((size, size))
-    v[finer, coarser] = v[coarser, finer] = _entries(model, design, diagonal=False)
+    v[pairs.finer, pairs.coarser] = v[pairs.coarser, pairs.finer] = _entries(model, design, diagonal=False)
     return v
 
 
@@ -68,12 +67,23 @@ class _Pairs:
     half: Vector
     counts: Vector
 
-    @classmethod
-    def of(cls, design: Design, *, diagonal: bool) -> _Pairs:
+    @staticmethod
+    @lru_cache(maxsize=8)
+    def of(design: Design, *, diagonal: bool) -> _Pairs:
         """Return all pairs of levels, or each level with itself if `diagonal`."""
         size = design.levels.size
         coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
-        return cls(finer, coarser, np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64))
+        return _Pairs(finer, coarser, np.ldexp(1.0, design.levels - 1), design.counts.astype(np.float64))
+
+    @cached_property
+    def areas(self) -> Vector:
+        """Products h_j h_k of the half-scales of each pair."""
+        return self.outer(self.half)
+
+    @cached_property
+    def sizes(self) -> Vector:
+        """Products M_j M_k of the numbers of coefficients of each pair."""
+        return self.outer(self.counts)
 
     def outer(self, values: Vector) -> Vector:
         """Return the product x_j x_k for each pair of levels, where x are `values` of the levels."""
@@ -223,17 +233,17 @@ def _over_lags(
 
 def _of_sums(model: Model, design: Design, pairs: _Pairs, *, first: Vector, second: Vector, stride: int = 1) -> Vector:
     """Compute V_jk for pairs of levels from `first` = Σ n Cov and `second` = Σ n Cov² over lags with n pairs."""
-    scale = 4 * pairs.outer(pairs.half)
+    scale = 4 * pairs.areas
     total = 2 / scale**2 * second
     # Change of the mean of the model per sample.
     if slope := sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes):
-        total += slope**2 * pairs.outer(pairs.half) / scale * first
+        total += slope**2 * pairs.areas / scale * first
     present = [process for process in model.processes if process.scale > 0]
     if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
         # Not for robust estimates: a smaller variance and a larger mean nearly cancel in the relative variance.
         halves = (pairs.half[levels].tobytes() for levels in (pairs.finer, pairs.coarser))
         total += cumulant * _excess(*halves, design.samples) / stride / scale**2
-    return np.asarray(total / pairs.outer(pairs.counts))
+    return np.asarray(total / pairs.sizes)
 
 
 def _powers(

@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Callable, Iterable
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.base.arrays import Matrix, Vector, as_levels, as_rate, freeze
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.base.extras import admit_guests
 from gmwm.base.remarks import Remark
@@ -345,15 +345,18 @@ class Process(HaarTheory, ABC):
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
         shapes = cls.moments(nonlinear, occasion.levels, occasion.rate, occasion.filter)
-        scales = rng.random(draws) * occasion.total / np.sum(shapes, axis=1)
-        return np.column_stack([scales, nonlinear])
+        return np.column_stack([rng.random(draws) * occasion.total / np.sum(shapes, axis=1), nonlinear])
 
     # --- theory; every parameter needs a value ---------------------------------------------------------
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
         """Compute the wavelet variance ν_j² (J,) in u²."""
-        shape = self.moments(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
-        return np.asarray(self.scale * shape[0], dtype=np.float64)
+        return self.scale * self.unit_shape(levels, as_rate(rate), find_filter(filter))
+
+    def unit_shape(self, levels: int | ArrayLike, rate: float, filter: WaveletFilter) -> Vector:
+        """Compute the wavelet variance (J,) for scale coefficient 1; fits ask for the same ones several times."""
+        theta, numbers = self.nonlinear.tobytes(), filter.numbers(levels).tobytes()
+        return _unit_shape(type(self), theta, numbers, rate=rate, filter=filter)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the generalised covariance K(m) of the running sum (u²) at lags m.
@@ -563,8 +566,7 @@ class Process(HaarTheory, ABC):
     def __radd__(self, other: int) -> Model:
         from gmwm.theory.processes.model import Model
 
-        # sum() begins with 0.
-        return Model((self,)) if isinstance(other, int) and other == 0 else NotImplemented
+        return Model((self,)) if isinstance(other, int) and other == 0 else NotImplemented  # sum() begins with 0
 
     def __str__(self) -> str:
         fields = ((p.name, getattr(self, p.name)) for p in self.parameters)
@@ -573,6 +575,12 @@ class Process(HaarTheory, ABC):
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"
+
+
+@lru_cache(maxsize=128)
+def _unit_shape(kind: type[Process], nonlinear: bytes, levels: bytes, rate: float, filter: WaveletFilter) -> Vector:
+    shapes = kind.moments(np.frombuffer(nonlinear).reshape(1, -1), np.frombuffer(levels, np.int64), rate, filter)
+    return freeze(np.array(shapes[0], dtype=np.float64))
 
 
 def _apart(levels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -347,22 +347,24 @@ class Model(KalmanMethods):
         self._require_complete("decomposition")
         return {t: process.wavelet_variance(levels, rate, filter) for t, process in self.by_term.items()}
 
-    def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
-        """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters, in the order of `names`."""
+    def jacobian(
+        self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR,
+        names: Sequence[str] | None = None,
+    ) -> Matrix:  # fmt: skip
+        """Compute the derivatives ∂ν_j²/∂θ (J, p) with respect to the p parameters `names`, by default all."""
         self._require_complete("Jacobian")
-        rate, wavelet, columns = as_rate(rate), find_filter(filter), []
-        numbers = wavelet.numbers(levels)
-        for process in self.processes:
-            theta = process.nonlinear.reshape(1, -1)
-            slopes = iter((process.scale * process.moments_jacobian(theta, numbers, rate, wavelet)[0]).T)
-            for parameter in process.parameters:
-                if (power := parameter.scale_power) is None:
-                    columns.append(next(slopes))
-                else:
-                    # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
-                    factor = power * process.value(parameter.name) ** (power - 1)
-                    columns.append(factor * process.moments(theta, numbers, rate, wavelet)[0])
-        return np.column_stack(columns)
+        rate, wavelet, columns = as_rate(rate), find_filter(filter), dict[str, Vector]()
+        numbers, wanted = wavelet.numbers(levels), self.names if names is None else names
+        for term, process in self.by_term.items():
+            # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
+            parameter = process.scale_parameter()
+            factor = (power := parameter.scale_power or 1) * process.value(parameter.name) ** (power - 1)
+            columns[f"{term}.{parameter.name}"] = factor * process.unit_shape(numbers, rate, wavelet)
+            labels = [f"{term}.{p.name}" for p in process.nonlinear_parameters()]
+            if any(label in wanted for label in labels):
+                slopes = process.moments_jacobian(process.nonlinear.reshape(1, -1), numbers, rate, wavelet)[0]
+                columns |= zip(labels, process.scale * slopes.T, strict=True)
+        return np.column_stack([columns[name] for name in wanted])
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Compute the generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
