@@ -263,6 +263,9 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     excess = axis_calibration.fit.wavelet_variance.excess
     if excess is not None and excess.max() > UNKNOWN**2 / 2:
         yield Remark.of("heavy-tails", axis, case="infinite", numbers=("N",))
+    elif not named and np.any(verdict.rising):
+        taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.rising])
+        yield Remark.of("outliers-found", axis, case="pulses", taus=taus, numbers=("N", "K", "B", "R", "q_c"))
     elif verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
