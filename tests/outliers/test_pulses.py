@@ -125,3 +125,11 @@ def test_weak_pulses_make_numbers_limits(size: float, strong: bool) -> None:
     # N of the noise is 1e-4; K of the walk is 1e-5.
     assert found.datasheets["gyro_x"]["N"].high >= 1e-4
     assert found.datasheets["gyro_x"]["K"].high >= 1e-5
+
+
+def test_small_jumps_of_the_mean_double_the_variance_of_a_coarse_level() -> None:
+    rng = np.random.default_rng(2)
+    jumps = np.repeat(np.cumsum(0.25 * rng.choice([-1, 1], size=SAMPLES // 6000)), 6000)
+    verdict = contamination(Signal(rng.normal(size=SAMPLES) + jumps, rate=RATE))
+    assert verdict.tau[verdict.rising].tolist() == [20.48]
+    assert not verdict.has_pulses

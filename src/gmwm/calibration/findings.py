@@ -26,6 +26,7 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.tails import UNKNOWN
 from gmwm.measuring.outliers import Dependence, Replaced, excess_text
+from gmwm.measuring.outliers.bursts import LONGEST
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.noise import RW
 from gmwm.theory.processes.oscillator import name_in_text
@@ -265,7 +266,8 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
         yield Remark.of("heavy-tails", axis, case="infinite", numbers=("N",))
     elif not named and np.any(verdict.rising):
         taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.rising])
-        yield Remark.of("outliers-found", axis, case="pulses", taus=taus, numbers=("N", "K", "B", "R", "q_c"))
+        numbers = ("N", "K", "B", "R", "q_c")[int(taus[0].value > LONGEST) :]
+        yield Remark.of("outliers-found", axis, case="pulses", taus=taus, numbers=numbers)
     elif verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:
