@@ -133,3 +133,13 @@ def test_small_jumps_of_the_mean_double_the_variance_of_a_coarse_level() -> None
     verdict = contamination(Signal(rng.normal(size=SAMPLES) + jumps, rate=RATE))
     assert verdict.tau[verdict.rising].tolist() == [20.48]
     assert not verdict.has_pulses
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_thermostat_is_no_popcorn_noise(share: float) -> None:
+    rng, ends, levels = np.random.default_rng(6), np.cumsum([0.0, *[30.0] * 45]), np.zeros(SAMPLES)
+    ends += 3.0 * rng.normal(size=ends.size)
+    for first in ends:
+        levels[int(max(first, 0) * RATE) : int((first + share * 30) * RATE)] = 2.0
+    assert two_levels_of(rng.normal(size=SAMPLES) + levels) is None
+    assert two_levels_of(popcorn(rng, 2.0, 30 * share * RATE, share / (1 - share))) is not None
