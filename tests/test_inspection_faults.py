@@ -7,6 +7,7 @@ import gmwm
 from gmwm import Signal
 from gmwm.measuring.inspection import inspect
 from gmwm.measuring.inspection.time_grid import _loss
+from gmwm.measuring.inspection.wander import Likelihood
 from gmwm.recording.signals import Imu
 from tests.helpers import codes, only
 from validation import faults
@@ -169,6 +170,31 @@ def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
     assert calibration.datasheets["gyro_x"]["K"].upper_only
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("period", [15.0, 25.0, 60.0])
+def test_the_cycle_of_a_heater_is_a_swing(period):
+    """Each period differs by 5 % from the others, so that no sinusoid fits them."""
+    rng, size = np.random.default_rng(8), 2 * SAMPLES
+    ends = np.cumsum(period * (1 + 0.05 * rng.normal(size=200)))
+    time = np.arange(size) / RATE
+    phase = np.interp(time, ends, np.arange(200.0)) % 1.0
+    calibration = gmwm.calibrate(imu_of(faults.base(size, rng) + 4e-4 * np.abs(2 * phase - 1)), "WN + GM + RW")
+    remark = only(calibration.remarks, "trend:swing", "gyro_x")
+    assert remark.facts["period"].value == pytest.approx(period, rel=0.1)
+    assert calibration.number_verdicts["gyro_x"]["K"].usability.value != "use"
+
+
+@pytest.mark.parametrize("frequency", [0.83, 1.25, 4.55])
+def test_a_vibration_is_no_swing_of_its_alias(frequency):
+    rng, size = np.random.default_rng(9), 2 * SAMPLES
+    line = 2e-3 * np.sin(2 * np.pi * frequency * np.arange(size) / RATE)
+    x = faults.base(size, rng) + line
+    length = size // 256
+    means = x[: 256 * length].reshape(256, length).mean(axis=1)
+    assert Likelihood(means).best_band(4)[0] > 20.0
+    assert "trend:swing" not in named(x)
 
 
 def test_noise_with_two_levels_gets_the_classical_curve():

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import gmwm
 from gmwm import Signal
+from gmwm.measuring.outliers import contamination
 from gmwm.measuring.outliers.cleaning import cleaned
 from gmwm.recording.repairs.patterns import two_levels_of
+from tests.helpers import only
 
 RATE, SAMPLES = 100.0, 120_000
 Floats = NDArray[np.float64]
@@ -76,3 +79,67 @@ def test_popcorn_noise_stays(seed: int, size: float, duration: float) -> None:
 def test_heavy_tails_stay(seed: int, width: int) -> None:
     x = np.convolve(np.random.default_rng(seed).standard_t(3, size=SAMPLES), np.ones(width) / width, "same")
     assert not cleaned(Signal(x, rate=RATE)).knocks.size
+
+
+def weak_pulses(seed: int, size: float) -> Floats:
+    """White noise and a walk, with a pulse of 2 s in each 30 s."""
+    rng = np.random.default_rng(seed)
+    x = pulses(rng, 150, 250, (size, size), 3000, [-1, 1])
+    return x + np.cumsum(1e-3 * rng.normal(size=SAMPLES))
+
+
+def noise_without_pulses(kind: str, seed: int) -> Floats:
+    """Noise with a walk whose classical curve is above the robust one, if at all, most at fine levels."""
+    rng = np.random.default_rng(seed)
+    white = rng.normal(size=SAMPLES)
+    if kind == "tails":
+        white = rng.standard_t(rng.uniform(2.5, 6), size=SAMPLES)
+    elif kind == "averaged tails":
+        white = np.convolve(rng.standard_t(3, size=SAMPLES + 9), np.ones(10) / 10, "valid")
+    elif kind == "varying":
+        white *= np.exp(0.4 * np.repeat(rng.normal(size=SAMPLES // 1000), 1000))
+    elif kind == "rounded":
+        white = np.round(white)
+    return white + np.cumsum(rng.choice([1e-3, 1e-2]) * rng.normal(size=SAMPLES))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["white", "tails", "averaged tails", "varying", "rounded"])
+def test_the_excess_of_noise_without_pulses_does_not_rise(kind: str) -> None:
+    for seed in range(4):
+        verdict = contamination(Signal(noise_without_pulses(kind, seed), rate=RATE))
+        assert not np.any(verdict.rising)
+        assert not verdict.has_pulses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "strong"), [(0.4, False), (1.0, True)])
+def test_weak_pulses_make_numbers_limits(size: float, strong: bool) -> None:
+    x = weak_pulses(1, size)
+    assert not cleaned(Signal(x, rate=RATE)).knocks.size
+    found = gmwm.calibrate({"gyro_x": Signal(1e-3 * x, RATE, "rad/s", axis="gyro_x")})
+    remark = only(found.remarks, "outliers-found:pulses", "gyro_x")
+    assert {0.64, 1.28, 2.56, 5.12}.intersection(tau.value for tau in remark.facts["taus"])
+    assert found["gyro_x"].wavelet_variance.robust == strong
+    assert "use" not in {found.number_verdicts["gyro_x"][symbol].usability.value for symbol in "NK"}
+    # N of the noise is 1e-4; K of the walk is 1e-5.
+    assert found.datasheets["gyro_x"]["N"].high >= 1e-4
+    assert found.datasheets["gyro_x"]["K"].high >= 1e-5
+
+
+def test_small_jumps_of_the_mean_double_the_variance_of_a_coarse_level() -> None:
+    rng = np.random.default_rng(2)
+    jumps = np.repeat(np.cumsum(0.25 * rng.choice([-1, 1], size=SAMPLES // 6000)), 6000)
+    verdict = contamination(Signal(rng.normal(size=SAMPLES) + jumps, rate=RATE))
+    assert verdict.tau[verdict.rising].tolist() == [20.48]
+    assert not verdict.has_pulses
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_a_thermostat_is_no_popcorn_noise(share: float) -> None:
+    rng, ends, levels = np.random.default_rng(6), np.cumsum([0.0, *[30.0] * 45]), np.zeros(SAMPLES)
+    ends += 3.0 * rng.normal(size=ends.size)
+    for first in ends:
+        levels[int(max(first, 0) * RATE) : int((first + share * 30) * RATE)] = 2.0
+    assert two_levels_of(rng.normal(size=SAMPLES) + levels) is None
+    assert two_levels_of(popcorn(rng, 2.0, 30 * share * RATE, share / (1 - share))) is not None

@@ -26,6 +26,7 @@ from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.tails import UNKNOWN
 from gmwm.measuring.outliers import Dependence, Replaced, excess_text
+from gmwm.measuring.outliers.bursts import LONGEST
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.noise import RW
@@ -264,6 +265,10 @@ def _of_outliers(axis: str, axis_calibration: AxisCalibration, calibration: Cali
     excess = axis_calibration.fit.wavelet_variance.excess
     if excess is not None and excess.max() > UNKNOWN**2 / 2:
         yield Remark.of("heavy-tails", axis, case="infinite", numbers=("N",))
+    elif not named and np.any(verdict.rising):
+        taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.rising])
+        numbers = ("N", "K", "B", "R", "q_c")[int(taus[0].value > LONGEST) :]
+        yield Remark.of("outliers-found", axis, case="pulses", taus=taus, numbers=numbers)
     elif verdict.heavy_tailed and not axis_calibration.fit.wavelet_variance.robust and not named:
         yield Remark.of("heavy-tails", axis, case="fit")
     if not verdict.contaminated:

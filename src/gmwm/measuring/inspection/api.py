@@ -188,6 +188,7 @@ class RecordingStatistics:
         self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._resolutions, self._values, self._temperature = resolutions, values, temperature
         self._ends = ends
+        self._turn = Lock()
         self._units: dict[str, str] = {}
         self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
         self._same = 0
@@ -225,7 +226,8 @@ class RecordingStatistics:
         trends = tuple(trend for axis, of in calm.items() if (trend := trend_of(axis, of, extent)) is not None)
         steady = set(calm).difference(trend.axis for trend in trends)
         found = in_threads(
-            lambda axis, of_axis: swing_of(axis, of_axis, extent), {a: m for a, m in calm.items() if a in steady}
+            lambda axis, of_axis: swing_of(axis, of_axis, extent, self._reader(axis)),
+            {axis: of_axis for axis, of_axis in calm.items() if axis in steady},
         )
         swings = tuple(swing for swing in found.values() if swing is not None)
         reach = self._length / extent.rate  # The place of a jump is known to a block.
@@ -271,16 +273,20 @@ class RecordingStatistics:
         """Number of samples of a block."""
         return next(iter(self._axes.values())).length
 
+    def _reader(self, axis: str) -> Callable[[int, int], Vector]:
+        """Return the function that reads samples of an axis, for one thread at a time, as a stream needs."""
+
+        def values(first: int, last: int) -> Vector:
+            with self._turn:
+                return self._values(axis, first, last)
+
+        return values
+
     def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
         """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
-        turn = Lock()  # a stream is read by one thread at a time
 
         def work(axis: str, of_axis: list[tuple[int, Vector]]) -> list[Step]:
-            def values(first: int, last: int) -> Vector:
-                with turn:
-                    return self._values(axis, first, last)
-
-            sums = self._axes[axis]
+            sums, values = self._axes[axis], self._reader(axis)
             clear = jumps_of(axis, of_axis, self._extent, values)
             resolution = self._resolutions[axis] or 0.0
             sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)

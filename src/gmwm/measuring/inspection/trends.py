@@ -4,7 +4,7 @@ recording, as from air conditioning."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -16,6 +16,7 @@ from gmwm.measuring.inspection.knocks import level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.wander import CoursePairs, CourseProfile, Likelihood, waves_of
 from gmwm.measuring.spectrum.line import Line
+from gmwm.recording.batches import BATCH_SAMPLES
 
 Kind = Literal["exponential", "linear", "quadratic"]
 
@@ -265,11 +266,14 @@ def best_swing(likelihood: Likelihood) -> SwingFit:
     return SwingFit(gain, float(_PERIODS[k]), np.vstack([waves.first[k], waves.second[k]]), int(model))
 
 
-def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> Swing | None:
+def swing_of(
+    axis: str, means: Sequence[tuple[int, Vector]], extent: Extent, values: Callable[[int, int], Vector]
+) -> Swing | None:
     """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise. As
-    `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too."""
+    `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too. Otherwise,
+    the period is that of a peak of the spectrum, as of a thermostat, whose periods differ."""
     length = level_length(extent.samples)
-    _, y = longest_means(means, extent, length)
+    samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return None
     likelihood = Likelihood(y)
@@ -280,7 +284,7 @@ def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
         if day.gain > fit.gain - _GAIN:
             fit, harmonics = day, _HARMONICS
     if fit.gain < _GAIN * (1 if harmonics == 1 else 1.5):
-        return None
+        return _cycle_of(axis, likelihood, values, first=int(samples[0]), rate=extent.rate, length=length)
     with_swing, _ = likelihood.walk(fit.courses[:0], alone=True)
     _, limit = likelihood.walk(fit.courses, alone=True)
     if with_swing <= _MATTERS**2 * limit:
@@ -292,6 +296,32 @@ def swing_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
         axis=axis, period=y.size * length / extent.rate / fit.periods, periods=fit.periods, amplitude=amplitudes[0],
         harmonics=tuple(amplitudes) if harmonics > 1 else (),
     )  # fmt: skip
+
+
+def _cycle_of(
+    axis: str, likelihood: Likelihood, values: Callable[[int, int], Vector], *, first: int, rate: float, length: int
+) -> Swing | None:
+    """Return the swing that a peak of the spectrum of block means shows; None if there is none, or if it is the alias
+    of a fast oscillation, which shorter blocks have at another frequency."""
+    gain, band = likelihood.best_band(int(2 * _PERIODS[0]))
+    if gain < _GAIN:
+        return None
+    size = likelihood.z.size + 1
+    periods, reach = (band.start + band.stop + 1) / 4, (band.stop - band.start) / 4 + 1
+    at = np.pi * periods / size
+    power = float(np.sum(likelihood.z[band] ** 2)) / size / (2 * np.sin(at) * np.sinc(at / np.pi)) ** 2
+    if size * length <= BATCH_SAMPLES:  # of longer blocks, fast oscillations have less power than noise
+        short = length // 8 + 1
+        fine = values(first, first + size * length)
+        fine = fine[: fine.size // short * short].reshape(-1, short).mean(axis=1)
+        window = np.hanning(fine.size)
+        density = np.abs(np.fft.rfft((fine - np.mean(fine)) * window)) ** 2 * 2 / (fine.size * float(window @ window))
+        near = np.abs(np.arange(density.size) * (size * length / (fine.size * short)) - periods) <= reach
+        if float(np.sum(density[near])) < power / 2:
+            return None
+    return Swing(
+        axis=axis, period=size * length / rate / periods, periods=float(round(periods)), amplitude=math.sqrt(2 * power)
+    )
 
 
 def _fit_of(likelihood: Likelihood, periods: Vector) -> SwingFit:

@@ -259,6 +259,20 @@ class Likelihood:
         begin, end = places.tolist()
         return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
 
+    def best_band(self, first: int) -> tuple[float, slice]:
+        """Return the reduction of −2 log L by more power in a band of the frequencies θ_k, k > `first`, beside the best
+        noise model, and the band."""
+        power = self.grid.weights[int(np.argmin(self._minus2(self._flat, self.grid.logs)))] * self.z**2
+        sums = np.cumsum(np.append(0.0, power / max(float(np.mean(power)), _LEAST)))[first:]
+        best = 0.0, slice(first, first)
+        widths = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
+        for width in filter(lambda width: 2 * width < sums.size, widths):
+            ratio = np.maximum((sums[width:] - sums[:-width]) / width, 1.0)
+            k = int(np.argmax(ratio))
+            gain = width * (float(ratio[k]) - 1 - math.log(ratio[k]))
+            best = max(best, (gain, slice(first + k, first + k + width)), key=lambda item: item[0])
+        return best
+
     def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""
         shapes, weights = _steps(self.z.size + 1, first, last), self.grid.weights[models]

@@ -18,7 +18,7 @@ from gmwm.measuring.covariance import Design
 from gmwm.measuring.covariance.api import ratio_variances
 from gmwm.measuring.covariance.mixture import mixture
 from gmwm.measuring.covariance.robust import ratio_skewness
-from gmwm.measuring.outliers.bursts import MATERIAL, Bursts
+from gmwm.measuring.outliers.bursts import LONGEST, MATERIAL, Bursts
 from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED, Replaced, Screen, screened
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
@@ -121,6 +121,9 @@ COARSE, COARSEST = 0.4, 0.54
 From there on, the position of the mean between steps changes the ratio of the level by up to 15 %, or that of every
 level, as the mean drifts from step to step (docs/validation/contamination-test.md)."""
 TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
+RISES, SURELY = 2.0, 0.01
+"""Ratio of the excess of a level to that of all finer ones above which pulses of the mean cause it, and significance
+level of this test for all levels together (tests/outliers/test_pulses.py)."""
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
@@ -208,6 +211,30 @@ class Verdict(FrozenArrays, Documented, Summarised):
         return np.asarray(
             self.tested & (np.nan_to_num(self.excess, nan=-1.0) >= np.nan_to_num(self.critical, nan=np.inf))
         )
+
+    @property
+    def rising(self) -> Booleans:
+        """Whether the excess of each level is more than chance, and twice that of every finer level, (J,). For white
+        noise with tails or a varying variance it falls with the scale; for pulses and jumps of the mean it rises. Above
+        10 s it must double the variance: accelerometers at rest have an excess of 20 to 100 % there."""
+        from scipy.special import gammaincc
+
+        rises = np.log1p(np.where(self.tested, self.excess, 0.0))
+        finer = np.maximum.accumulate(np.append(rises[:1], rises[:-1]))
+        place = rises - np.maximum(RISES * finer, np.log1p(self.tolerance))
+        error = np.where(self.tested, self.standard_errors, 1.0)
+        above = gammaincc(*ratio_law(place / error, error, self.efficiency))
+        surely = above <= SURELY / max(int(np.sum(self.tested)), 1)
+        return np.asarray(surely & (self._short | (self.tested & (self.excess > 1))))
+
+    @property
+    def has_pulses(self) -> bool:
+        """Whether weak pulses of the mean make the classical variance of a level up to 10 s twice the robust one."""
+        return bool(np.any(self.rising & self._short)) and bool(np.max(self.excess[self._short]) > 1)
+
+    @property
+    def _short(self) -> Booleans:
+        return np.asarray(self.tested & (self.tau <= LONGEST))
 
     @property
     def lighter(self) -> Booleans:

@@ -189,20 +189,22 @@ def _levels(x: Vector, split: float, length: int) -> TwoLevels | None:
 
 
 def _are_pulses(x: Vector, rare: Mask) -> bool:
-    """Return whether rarer means are pulses: both signs, different sizes, or too regular; distances of random pulses
-    are exponential, with coefficient of variation 1 (tests/outliers/test_pulses.py)."""
-    if np.mean(rare) > 0.1:
+    """Return whether rarer means are pulses: both signs, different sizes, or too regular, as of a thermostat. Distances
+    of random levels are sums of two exponentials (tests/outliers/test_pulses.py)."""
+    share = float(np.mean(rare))
+    gaps = np.diff(np.flatnonzero(np.diff(rare.astype(np.int8)) == 1))
+    # The coefficient of variation of n distances has a standard error of 1/√n. For rare levels, it is nearly 1.
+    random = math.hypot(share, 1 - share) if share > 0.1 else 1.0
+    if gaps.size and np.std(gaps) < random * min(0.6, 1 - 2.5 / math.sqrt(gaps.size)) * np.mean(gaps):
+        return True
+    if share > 0.1:
         return False
     common = float(np.median(x[~rare]))
     size = float(np.median(x[rare])) - common
     if np.count_nonzero((x - common) / size < -0.5) > 0.2 * np.count_nonzero(rare):
         return True
     inside = np.append(rare[1:], False) & np.append(False, rare[:-1]) & rare
-    if np.count_nonzero(inside) >= _PARTS and _spread(x[inside]) > 3 * _spread(x[~rare]):
-        return True
-    gaps = np.diff(np.flatnonzero(np.diff(rare.astype(np.int8)) == 1))
-    # The coefficient of variation of n distances has a standard error of 1/√n.
-    return bool(gaps.size and np.std(gaps) < min(0.6, 1 - 2.5 / math.sqrt(gaps.size)) * np.mean(gaps))
+    return bool(np.count_nonzero(inside) >= _PARTS and _spread(x[inside]) > 3 * _spread(x[~rare]))
 
 
 def _spread(x: Vector) -> float:
