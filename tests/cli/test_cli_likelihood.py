@@ -65,7 +65,7 @@ def test_tables_of_several_axes(gmwm, recording):
     outcome = gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro", "--ml")
     imu = read(recording)
     assert outcome.code == 0
-    _, _, second = outcome.out.partition(": 20000 samples at 100 Hz")
+    second = outcome.out.partition(": 20000 samples at 100 Hz")[2].replace("−", "-")
     for axis in ("gyro_x", "gyro_y", "gyro_z"):
         fit = library.fit_ml("WN + RW", imu[axis], start=library.fit("WN + RW", imu[axis]))
         assert f"{fit.loglikelihood:.3f}" in second

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
+from gmwm.base.text import with_minus
 from gmwm.files.readers import read
 
 
@@ -53,7 +54,7 @@ def test_the_table(gmwm, recording):
         (line,) = [line.split() for line in outcome.out.splitlines() if line.split()[:1] == [axis]]
         checks = library.fit("WN + RW", imu[axis]).residuals(imu[axis]).to_dict()
         assert line[1:5] == [
-            "20000", f"{checks['mean']:+.4f}", f"{checks['standard_deviation']:.4f}",
+            "20000", with_minus(f"{checks['mean']:+.4f}"), f"{checks['standard_deviation']:.4f}",
             f"{checks['ljung_box']['statistic']:.1f}",
         ]  # fmt: skip
     assert f"over {checks['ljung_box']['lags']} lags" in outcome.out

@@ -136,7 +136,9 @@ def test_the_table(gmwm, recording):
     assert outcome.out.count("20000 samples, 200 s, in mg") == 3
     assert "± 90 %" in outcome.out
     assert max(map(len, outcome.out.splitlines())) <= 80
-    levels = [float(line.split()[1]) for line in outcome.out.splitlines() if line.split()[:1] == ["bias"]]
+    levels = [
+        float(line.split()[1].replace("−", "-")) for line in outcome.out.splitlines() if line.split()[:1] == ["bias"]
+    ]
     assert levels == pytest.approx([0.0, 0.0, 1000.0], abs=1.0)
 
 

@@ -153,7 +153,7 @@ class Picture(MatplotlibFigure):
         return buffer.getvalue()
 
 
-class _Panel(Axes):
+class _MeasuredAxes(Axes):
     """Axes whose labels are measured once for each layout: they hardly change when the panel gets its size."""
 
     beyond: Vector | None = None  # (4,) distances (pixels) of the outer box from the panel, while a layout is computed
@@ -168,14 +168,14 @@ class _Panel(Axes):
         return box
 
 
-class _Layout(ConstrainedLayoutEngine):
+class _MeasuredLayout(ConstrainedLayoutEngine):
     """The constrained layout, which places the panels twice, and measures their labels, most of its work, once."""
 
     def execute(self, fig: MatplotlibFigure) -> None:
         """Place the panels."""
         super().execute(fig)
         for ax in fig.axes:
-            if isinstance(ax, _Panel):
+            if isinstance(ax, _MeasuredAxes):
                 ax.beyond = None
 
 
@@ -212,12 +212,14 @@ def render(picture: MatplotlibFigure, suffix: str) -> bytes:
 
 def _new_picture(figure: Figure) -> MatplotlibFigure:
     # 200 dpi in a notebook; `savefig` below chooses its own resolution.
-    picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=200, layout=_Layout())
+    picture = Picture(
+        figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=200, layout=_MeasuredLayout()
+    )
     handles: dict[str, Artist] = {}
     for row, place in zip(_with_titles(figure), _places(picture, figure), strict=True):
         for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
-                for label, handle in draw_panel(panel, part.add_subplot(at, axes_class=_Panel)).items():
+                for label, handle in draw_panel(panel, part.add_subplot(at, axes_class=_MeasuredAxes)).items():
                     handles.setdefault(label, handle)
     _align_labels(figure, picture.axes)
     if figure.title:
