@@ -121,9 +121,11 @@ COARSE, COARSEST = 0.4, 0.54
 From there on, the position of the mean between steps changes the ratio of the level by up to 15 %, or that of every
 level, as the mean drifts from step to step (docs/validation/contamination-test.md)."""
 TOLERANCE = 0.02  # default of the relative excess that is not reported as outliers
-RISES, SURELY = 2.0, 0.01
-"""Ratio of the excess of a level to that of all finer ones above which pulses of the mean cause it, and significance
-level of this test for all levels together (tests/outliers/test_pulses.py)."""
+RISES = 2.0
+"""Ratio of the excess of a level to that of all finer ones above which pulses of the mean cause it
+(tests/outliers/test_pulses.py)."""
+SURELY = 0.01
+"""Significance level of this test for all levels together (tests/outliers/test_pulses.py)."""
 FELT = 4
 """Number of levels, from a coarsely quantized one on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
