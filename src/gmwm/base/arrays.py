@@ -208,15 +208,15 @@ def joined(parts: Sequence[Vector]) -> Vector:
     >>> np.shares_memory(joined([x[1:3], x[3:6]]), x), joined([x[3:], x[:2]]).tolist()
     (True, [3.0, 4.0, 5.0, 0.0, 1.0])
     """
-    whole, first = parts[0].base, parts[0].ctypes.data
-    if isinstance(whole, np.ndarray) and whole.ndim == 1 and whole.flags.c_contiguous:
-        begins = np.cumsum([first, *(part.nbytes for part in parts)]).tolist()
+    owner, address = parts[0].base, parts[0].ctypes.data
+    if isinstance(owner, np.ndarray) and owner.ndim == 1 and owner.flags.c_contiguous:
+        begins = np.cumsum([address, *(part.nbytes for part in parts)]).tolist()
         if all(
-            part.base is whole and part.dtype == whole.dtype and part.flags.c_contiguous and part.ctypes.data == begin
+            part.base is owner and part.dtype == owner.dtype and part.flags.c_contiguous and part.ctypes.data == begin
             for part, begin in zip(parts, begins, strict=False)
         ):
-            at = (first - whole.ctypes.data) // whole.itemsize
-            return freeze(whole[at : at + sum(part.size for part in parts)])
+            at = (address - owner.ctypes.data) // owner.itemsize
+            return freeze(owner[at : at + sum(part.size for part in parts)])
     return freeze(np.concatenate(parts))
 
 

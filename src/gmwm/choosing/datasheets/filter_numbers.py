@@ -133,9 +133,9 @@ class FilterPrediction:
         moving = [p for p in noises if p not in ramps]
         parts = []
         if moving:
-            own, others = (resonances_of(group, rate) for group in (moving, among))
+            resonances, shared = (resonances_of(group, rate) for group in (moving, among))
             kinks = () if ratio is None else tuple((math.sqrt(2) * math.pi / 2**ratio.levels).tolist())
-            at = _quadrature(others if set(own) <= set(others) else own, rate, samples, kinks)
+            at = _quadrature(shared if set(resonances) <= set(shared) else resonances, rate, samples, kinks)
             density = np.sum([_density(process, rate, at) for process in moving], axis=0)
             parts.append((at, at.mass(density if ratio is None else density * ratio(at.theta))))
         if seen:
@@ -203,8 +203,8 @@ def _density(process: Process, rate: float, at: Quadrature) -> Vector:
 
 def resonances_of(processes: Iterable[Process], rate: float) -> tuple[Process, ...]:
     """Return the processes whose density the panels may have to be halved for, without their strength."""
-    found = (_resonance(process, rate) for process in processes)
-    return tuple(dict.fromkeys(process for process in found if process is not None))
+    shapes = (_resonance(process, rate) for process in processes)
+    return tuple(dict.fromkeys(shape for shape in shapes if shape is not None))
 
 
 @lru_cache(maxsize=256)

@@ -115,11 +115,11 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
     curve = fast_part.with_oscillator_error(wv, fit, [held])
     family = fast_part.BESIDE if shaped else SLOW
-    found = within_family(family, curve, options, required=(*required, held), check=check, entered="oscillation")
-    pvalue, before = found.ranking.recommended.pvalue, choice.ranking.recommended.pvalue
-    if not _is_accepted(found.ranking) and (before is None or pvalue is None or pvalue < before):
+    other = within_family(family, curve, options, required=(*required, held), check=check, entered="oscillation")
+    pvalue, before = other.ranking.recommended.pvalue, choice.ranking.recommended.pvalue
+    if not _is_accepted(other.ranking) and (before is None or pvalue is None or pvalue < before):
         return None
-    return found.after(*(replace(step, used=False) for step in choice.steps))
+    return other.after(*(replace(step, used=False) for step in choice.steps))
 
 
 def _oscillator_of_grid(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> OSC | None:

@@ -44,12 +44,12 @@ def covariance(model: Model, design: Design, *, diagonal: bool = False) -> Matri
 
 def covariances(model: Model, *designs: Design) -> list[Matrix]:
     """Compute `covariance` for designs that differ only in their excess and their model error."""
-    own = designs[0].loss_factor * covariance(model, designs[0].gaussian)
+    bare = designs[0].loss_factor * covariance(model, designs[0].gaussian)
     if all(design.added is None for design in designs):
-        return [own] * len(designs)
+        return [bare] * len(designs)
     curve = model.wavelet_variance(designs[0].levels, designs[0].rate, designs[0].filter)
     square = np.outer(curve, curve)
-    return [own if design.added is None else own + design.added * square for design in designs]
+    return [bare if design.added is None else bare + design.added * square for design in designs]
 
 
 def variances(model: Model, design: Design) -> Vector:

@@ -140,8 +140,8 @@ class _Window:
 def _without_others(x: Signal, size: int) -> Signal:
     """Copy what remains of a batch of `size` samples, so that the memory of the others can be freed, unless the batch
     is a part of a recording in memory."""
-    whole = x.values.base
-    if isinstance(whole, np.ndarray) and whole.size > size:
+    owner = x.values.base
+    if isinstance(owner, np.ndarray) and owner.size > size:
         return x
     return changed(x, values=freeze(x.values.copy()))
 
