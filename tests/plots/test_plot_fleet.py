@@ -99,6 +99,21 @@ def test_limits_are_triangles_beside_the_strip():
     assert few.stroke.symbol == many.stroke.symbol == "down"
 
 
+def test_what_only_one_unit_has_is_not_drawn_unless_there_is_nothing_else():
+    table = fleet(3, sensors=("gyro",)).table
+    only = pl.col("unit").str.contains("unit_0") & (pl.col("axis") == "gyro_x")
+    with_time = table.with_columns([pl.when(only).then(pl.lit(x)).alias(f"T_c{end}") for x, end in
+                                    ((2.0, ""), (1.5, "_low"), (2.5, "_high"), ("s", "_unit"))])  # fmt: skip
+    titles = [
+        [
+            panel.title
+            for panel in description(plot_fleet)(SimpleNamespace(table=t, statistics=fleet_statistics(t))).panels
+        ]
+        for t in (with_time, with_time.filter(pl.col("unit").str.contains("unit_0")))
+    ]
+    assert titles == [["Gyroscope N", "Gyroscope K"], ["Gyroscope N", "Gyroscope K", "Gyroscope T_c"]]
+
+
 @pytest.mark.slow
 def test_small_numbers_are_written_with_a_power_of_ten():
     told = fleet(12)

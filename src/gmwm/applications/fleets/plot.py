@@ -56,7 +56,8 @@ ROW, BELOW = 52.0, 22.0
 def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the datasheet parameters of all units in ascending order, for each axis.
 
-    Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
+    A number of an axis is drawn if at least two units have it or a limit of it, parameters of processes in the same
+    model. Up to 40 units are drawn as dots with confidence intervals, more units as a curve. The line is the typical
     value. The shaded region contains the true value of a further unit with the confidence level. Stars with names
     are outlying units, and triangles are upper limits.
 
@@ -73,7 +74,9 @@ def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> F
         )  # fmt: skip
     reading = FleetSamples(fleet.table, statistics.confidence)
     groups: dict[str, dict[str, list[ParameterSample]]] = {}
-    for sample in reading.samples():
+    samples = reading.samples()
+    shared = [sample for sample in samples if np.count_nonzero(np.isfinite(sample.x) | sample.limited) > 1]
+    for sample in shared or samples:
         sensor = sensor_and_letter(sample.axis)[0] or sample.axis
         groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
     rows: list[tuple[Panel | None, ...]] = []
