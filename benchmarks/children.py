@@ -29,7 +29,7 @@ state = len(pickle.dumps(live))
 WRITE = """
 from gmwm.theory.simulation import reference_imu, simulate
 from gmwm.recording.writers import write
-write(simulate(reference_imu(), rate=100.0, samples={n}, rng=1), {path!r})
+write(simulate(reference_imu(), rate=100.0, samples={n}, rng={seed}), {path!r})
 """
 FILTERED = """
 from scipy.signal import butter, lfilter
@@ -170,12 +170,12 @@ def children(largest: int = 10**9, in_memory: int = 10**8, rows: int = 10**6) ->
 def _of_files(rows: int) -> Iterator[Child]:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        run("writing", WRITE.format(n=200, path="small.csv"), folder=folder)
+        run("writing", WRITE.format(n=200, seed=1, path="small.csv"), folder=folder)
         yield command("gmwm --version", ["--version"], 0, folder)
         yield command("gmwm info, csv of 200 rows", ["info", "small.csv"], 1200, folder)
         for kind in ("csv", "parquet"):
             file = f"unit.{kind}"
-            run("writing", WRITE.format(n=rows, path=file), folder=folder)
+            run("writing", WRITE.format(n=rows, seed=1, path=file), folder=folder)
             read = f"gmwm.stream({file!r}).wavelet_variance()"
             yield run(f"six axes in pieces, {kind}", read, 6 * rows, folder)
             words = ["calibrate", file, "--output", f"results-{kind}"]
@@ -184,9 +184,9 @@ def _of_files(rows: int) -> Iterator[Child]:
         words = ["calibrate", "filtered.csv", "--units", "gyro=rad/s,accel=m/s²", "--output", "results-filtered"]
         yield command("gmwm calibrate, six axes with filters, csv", words, 6 * rows, folder)
         (folder / "units").mkdir()
-        each, count = rows * 6 // 10, 4
+        each, count = rows * 6 // 10, 12
         for k in range(count):
-            run("writing", WRITE.format(n=each, path=f"units/unit{k}.parquet"), folder=folder)
+            run("writing", WRITE.format(n=each, seed=k + 1, path=f"units/unit{k}.parquet"), folder=folder)
         words = ["fleet", "units", "--output", "fleet"]
         yield command("gmwm fleet, units of 6 x 6x10^5 samples", words, 6 * each * count, folder, units=count)
         yield command("gmwm demo", ["demo", "--output", "demo"], 6 * 720_000, folder)
