@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
+from gmwm.base.threads import computed_once
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.filtered import LONGEST_SAMPLES
@@ -216,7 +217,7 @@ def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
     return _shape_of(kind, values, rate=design.rate, levels=wanted, samples=design.samples, diagonal=diagonal)
 
 
-@lru_cache(maxsize=4)
+@computed_once(6)
 def _shape_of(
     kind: type[Process], values: tuple[float, ...], *, rate: float, levels: tuple[int, ...], samples: int,
     diagonal: bool,
