@@ -9,10 +9,21 @@ namespace gmwm {
 
 namespace {
 
+// Exponent beyond which an exponential is zero: e^-70 times any number of lags is negligible beside its part at a kink.
+constexpr double gone = 70;
+
 constexpr std::array<double, degree_most + 1> inverse_factorial = [] {
   std::array<double, degree_most + 1> values{};
   double product = 1;
   for (std::size_t r = 0; r <= degree_most; ++r) values[r] = 1 / product, product *= static_cast<double>(r + 1);
+  return values;
+}();
+
+// Binomial coefficients, by row.
+constexpr std::array<std::array<double, degree_most + 1>, degree_most + 1> binomials = [] {
+  std::array<std::array<double, degree_most + 1>, degree_most + 1> values{};
+  for (std::size_t r = 0; r <= degree_most; ++r)
+    for (std::size_t s = 0; s <= r; ++s) values[r][s] = s == 0 ? 1 : values[r - 1][s - 1] + (s < r ? values[r - 1][s] : 0);
   return values;
 }();
 
@@ -53,24 +64,25 @@ LagPieces::LagPieces(const LagProcess& process) : process_(process) {
     amplitude_.push_back(a);
     pole_.push_back(exp(-decay));
     over_apart_.push_back(-over);
+    size_.push_back(gmwm::size(decay));
     real_.push_back(decay.im == 0 || decay.im == std::numbers::pi);
     weight_.push_back(-(a * pole_.back() * over * over));
     slope_.push_back(process.bare[p] ? 0.0 : -0.5 * (a * more * over).re);
   }
-  outside_.resize(n), bend_.resize(n), tail_.resize(n), rest_.resize(n), corner_.resize(n), speed_.resize(n);
-  ahead_.resize(n), behind_.resize(n);
+  tail_.resize(n), ahead_.resize(n), behind_.resize(n);
 }
 
 const Complex* LagPieces::power(std::int64_t exponent) {
-  for (std::size_t k = 0; k < powers_used_; ++k)
-    if (powers_[k].first == exponent) return powers_[k].second.data();
-  if (powers_used_ == powers_.size()) powers_.emplace_back(0, std::vector<Complex>(size()));
-  auto& [key, values] = powers_[powers_used_++];
+  // The vectors stay in place, because they are moved and not copied if `all` grows.
+  auto& [all, used] = std::abs(exponent) <= h_ + 1 ? fine_->powers : powers_;
+  for (std::size_t k = 0; k < used; ++k)
+    if (all[k].first == exponent) return all[k].second.data();
+  if (used == all.size()) all.emplace_back(0, std::vector<Complex>(size()));
+  auto& [key, values] = all[used++];
   key = exponent;
   const double n = static_cast<double>(exponent);
   for (std::size_t p = 0; p < size(); ++p) {
-    // e^-746 is zero, which takes `exp` long to find.
-    const double lost = decay_[p].re * n, modulus = lost > 746 ? 0.0 : std::exp(-lost), angle = decay_[p].im;
+    const double lost = decay_[p].re * n, modulus = lost > gone ? 0.0 : std::exp(-lost), angle = decay_[p].im;
     if (angle == 0)
       values[p] = {modulus, 0};
     else if (real_[p])
@@ -82,32 +94,45 @@ const Complex* LagPieces::power(std::int64_t exponent) {
 }
 
 void LagPieces::pair(std::int64_t h, std::int64_t g) {
-  // The vectors of the powers stay in place, because they are moved and not copied if `powers_` grows.
-  powers_used_ = 0;
-  const bool fresh = h != h_;
-  h_ = h, g_ = g;
-  if (fresh) level();
-  coarse();
+  powers_.used = 0;
+  h_ = h, g_ = g, fine_ = &level(h);
+  const Level &fine = *fine_, &coarse = level(g);
+  rest_ = fine.rest, speed_ = fine.speed;
+  for (std::size_t p = 0; p < size(); ++p) {
+    tail_[p] = fine.outside[p] * coarse.lost[p] * coarse.lost[p];
+    if (speed_[p] == Speed::fast && g > h && coarse.speed[p] == Speed::echo)
+      speed_[p] = Speed::swing, rest_[p] = coarse.rest[p];
+    else if (speed_[p] == Speed::between && coarse.speed[p] == Speed::between)
+      speed_[p] = Speed::still;
+  }
 }
 
-void LagPieces::level() {
-  const double h = static_cast<double>(h_);
+LagPieces::Level& LagPieces::level(std::int64_t half) {
+  const auto [found, fresh] = levels_.try_emplace(half);
+  if (fresh) fill(static_cast<double>(half), found->second);
+  return found->second;
+}
+
+void LagPieces::fill(double h, Level& out) const {
+  for (std::vector<Complex>* each : {&out.lost, &out.outside, &out.bend, &out.rest}) each->resize(size());
+  out.corner.resize(size()), out.speed.resize(size());
   for (std::size_t p = 0; p < size(); ++p) {
-    const Complex decay = decay_[p], ratio = expm1(-multiple(h, decay)) * inverse(expm1(-decay));
-    outside_[p] = -(amplitude_[p] * exp(-decay) * ratio * ratio);
-    speed_[p] = h * gmwm::size(decay) < slow ? Speed::between : Speed::fast;
-    if (speed_[p] == Speed::fast) {
+    const Complex decay = decay_[p];
+    out.lost[p] = expm1(-multiple(h, decay));
+    const Complex ratio = out.lost[p] * inverse(expm1(-decay));
+    out.outside[p] = -(amplitude_[p] * pole_[p] * ratio * ratio);
+    out.speed[p] = h * size_[p] < slow ? Speed::between : Speed::fast;
+    if (out.speed[p] == Speed::fast) {
       const Complex turned = wrapped(multiple(h, decay));
-      rest_[p] = (1 / h) * turned;
-      if (h > 1 && gmwm::size(turned) < periodic) speed_[p] = Speed::echo;
+      out.rest[p] = (1 / h) * turned;
+      if (h > 1 && gmwm::size(turned) < periodic) out.speed[p] = Speed::echo;
       continue;
     }
     // a λ^(r-2) (λ/2 / sinh(λ/2))² 2 (d^r - d) / r! for r = 3, 5, …
     const Complex share = over_sinh(0.5 * decay);
     Complex factor = (2 * h * h * h) * (amplitude_[p] * decay * share * share);
     const Complex step = (h * h) * (decay * decay);
-    Series& series = corner_[p];
-    series.fill(0);
+    Series& series = out.corner[p];
     double linear = 0, over_h = 1 / (h * h);
     for (std::size_t r = 3; r <= degree_most; r += 2, factor *= step, over_h /= h * h) {
       series[r] = factor.re * inverse_factorial[r];
@@ -116,21 +141,7 @@ void LagPieces::level() {
     series[1] = linear;
     // 2 sinh²(λh/2) / sinh²(λ/2), times the amplitude.
     const Complex both = over_sinh((0.5 * h) * decay), quotient = h * (share * inverse(both));
-    bend_[p] = 2 * (amplitude_[p] * quotient * quotient);
-  }
-}
-
-void LagPieces::coarse() {
-  const double g = static_cast<double>(g_);
-  for (std::size_t p = 0; p < size(); ++p) {
-    const Complex lost = expm1(-multiple(g, decay_[p]));
-    tail_[p] = outside_[p] * lost * lost;
-    if (speed_[p] == Speed::fast || speed_[p] == Speed::swing) {
-      const Complex turned = wrapped(multiple(g, decay_[p]));
-      rest_[p] = (1 / g) * turned;
-      speed_[p] = g_ > h_ && gmwm::size(turned) < periodic ? Speed::swing : Speed::fast;
-    }
-    if (speed_[p] == Speed::between || speed_[p] == Speed::still) speed_[p] = g * gmwm::size(decay_[p]) < slow ? Speed::still : Speed::between;
+    out.bend[p] = 2 * (amplitude_[p] * quotient * quotient);
   }
 }
 
@@ -155,22 +166,18 @@ void LagPieces::straight(double at_start, double step, LagPiece& out) const {
   out.degree = std::max<std::size_t>(out.degree, 1);
 }
 
-// Adds weight Σ_r series[r] (d / h)^r with d = i if `rising`, else d = h - i; ratio: count / h.
+// Adds weight Σ_r series[r] (d / h)^r, r odd, with d = i if `rising`, else d = h - i; ratio: count / h.
 void LagPieces::corner(const Series& series, double weight, bool rising, double ratio, LagPiece& out) const {
   std::size_t last = degree_most;
   while (last > 1 && std::abs(series[last]) < 1e-18 * std::abs(series[3])) --last;
-  if (rising) {
-    double power = weight;
-    for (std::size_t r = 0; r <= last; ++r, power *= ratio) out.polynomial[r] += power * series[r];
-  } else {
-    Series shifted{};
-    for (std::size_t r = last + 1; r-- > 0;) {
-      // shifted = shifted * (1 - ratio t) + series[r]
-      for (std::size_t s = last; s >= 1; --s) shifted[s] -= ratio * shifted[s - 1];
-      shifted[0] += series[r];
-    }
-    for (std::size_t r = 0; r <= last; ++r) out.polynomial[r] += weight * shifted[r];
+  Series powers = series;
+  if (!rising) {
+    // (1 - x)^r, with even r missing
+    powers.fill(0);
+    for (std::size_t r = 1; r <= last; r += 2)
+      for (std::size_t s = 0; s <= degree_most; ++s) powers[s] += series[r] * binomials[r][s];
   }
+  for (std::size_t r = 0; r <= last; ++r, weight *= rising ? ratio : -ratio) out.polynomial[r] += weight * powers[r];
   out.degree = std::max(out.degree, last);
 }
 
@@ -203,13 +210,15 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
   const auto outside = [&](std::vector<Complex>& to, double weight, std::int64_t distance) {
     const Complex* z = power(distance - h);
     for (std::size_t p = 0; p < size(); ++p)
-      if (speed_[p] != Speed::still) to[p] += weight * (outside_[p] * z[p]);
+      if (speed_[p] != Speed::still) to[p] += weight * (fine_->outside[p] * z[p]);
   };
   // The side of f on which |y| rises or falls from `near` to `far`: the larger |y| is at i = 0 if `rising`.
   const auto inside = [&](double weight, bool toward, std::int64_t near, std::int64_t far) {
     // z^(h - |y|), z^(h + |y|) and z^|y|, each with the end of the piece at which it is largest.
     const Complex *close = power(h - far), *wide = power(h + near), *own = power(near);
     std::vector<Complex>&from = toward ? behind_ : ahead_, &into = toward ? ahead_ : behind_;
+    Series corners{};
+    bool bent = false;
     for (std::size_t p = 0; p < size(); ++p) {
       if (speed_[p] <= Speed::echo) {
         const Complex w = weight * weight_[p];
@@ -220,15 +229,17 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
         const double at = toward ? static_cast<double>(h - far) : static_cast<double>(h - near);
         if (slope_[p] != 0) straight(2 * weight * slope_[p] * at, (toward ? 2 : -2) * weight * slope_[p], out);
       } else {
-        corner(corner_[p], weight, toward, ratio, out);
+        for (std::size_t r = 0; r <= degree_most; ++r) corners[r] += fine_->corner[p][r];
+        bent = true;
       }
     }
+    if (bent) corner(corners, weight, toward, ratio, out);
     bool between = false;
     for (std::size_t p = 0; p < size(); ++p) between = between || speed_[p] == Speed::between || speed_[p] == Speed::echo;
     if (!between) return;
     const Complex* z = power(near - h);
     for (std::size_t p = 0; p < size(); ++p)
-      if (speed_[p] == Speed::between || speed_[p] == Speed::echo) from[p] += weight * (outside_[p] * z[p]);
+      if (speed_[p] == Speed::between || speed_[p] == Speed::echo) from[p] += weight * (fine_->outside[p] * z[p]);
   };
   if (beyond) {
     const Complex* z = power(start - g - h);
@@ -247,14 +258,14 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
       add(tail_[p] * exp((top + static_cast<double>(h) - a) * decay), n * decay, out);
       if (start >= g) continue;
       // sinh λ(g - a - i) and its derivatives
-      const Complex even = bend_[p] * sinh((top - a) * decay), odd = -(bend_[p] * cosh((top - a) * decay));
+      const Complex even = fine_->bend[p] * sinh((top - a) * decay), odd = -(fine_->bend[p] * cosh((top - a) * decay));
       Complex power{1, 0};
       double left = 1;
       for (std::size_t r = 0; r <= degree_most; ++r) {
         out.polynomial[r] += inverse_factorial[r] * ((r % 2 == 0 ? even : odd) * power).re;
         out.degree = std::max(out.degree, r);
         power *= n * decay;
-        left *= n * gmwm::size(decay);
+        left *= n * size_[p];
         if (r > 0 && left * inverse_factorial[r] < 1e-18) break;
       }
     }
@@ -268,7 +279,7 @@ void LagPieces::piece(std::int64_t start, std::int64_t count, LagPiece& out) {
     }
     if (norm(ahead_[p]) == 0 && norm(behind_[p]) == 0) continue;
     const Complex decay = n * decay_[p];
-    if (gmwm::size(decay) < slow) {
+    if (n * size_[p] < slow) {
       if (norm(ahead_[p]) > 0) add(ahead_[p], decay, out);
       if (norm(behind_[p]) > 0) add(behind_[p] * end[p], -decay, out);
       continue;

@@ -47,7 +47,7 @@ void sums_of_powers(std::int64_t n, std::size_t highest, double* out) {
                                         -691.0 / 1307674368000};
   for (std::size_t r = 0; r < highest; ++r) {
     double total = size / static_cast<double>(r + 1) - (r > 0 ? 0.5 : 0.0), factor = static_cast<double>(r) / size;
-    for (std::size_t l = 0; l < terms.size() && factor != 0; ++l) {
+    for (std::size_t l = 0; l < terms.size() && factor > 1e-17 * size; ++l) {
       // At r = 2l - 1 the derivative is a constant, which is the same at both ends.
       const double order = static_cast<double>(r) - static_cast<double>(2 * l + 1);
       if (order <= 0) break;

@@ -26,6 +26,8 @@ constexpr std::size_t power_sums = 2 * degree_most + 2;
 
 using Polynomial = std::array<double, moments>;
 
+constexpr std::size_t lanes = 8;  // columns are added in groups that fill the widest vectors
+
 // Values of complex numbers, one after the other.
 struct Numbers {
   std::vector<double> re, im;
@@ -36,7 +38,8 @@ struct Numbers {
 };
 
 // The exponentials b, and after them the conjugates of those that are not real: the product of the
-// real parts of two numbers is half the real part of their product and of that with the conjugate.
+// real parts of two numbers is half the real part of their product and of that with the conjugate. Zeros fill the last
+// group of columns.
 struct Columns {
   std::vector<std::size_t> of;  // index of the exponential
   std::vector<char> conjugate;
@@ -46,10 +49,9 @@ struct Columns {
 // Constants of the products of one exponential a with the columns.
 struct Row {
   Complex a;
-  std::size_t plain = 0, conjugates = 0;  // first column of each kind
   Numbers x, over_one, over_apart;        // a b, 1 / (1 - a b), 1 / (b - a)
   Numbers sum, difference;                // λ of a b and of a / b
-  std::vector<double> weight, size_of_sum, size_of_difference;
+  std::vector<double> weight, size_of_sum, size_of_difference;  // weight: 0 for a pair that belongs to another row
   std::vector<std::size_t> close;         // columns for which a series may be needed
 };
 
@@ -58,14 +60,15 @@ struct Factors {
   double n, at_start, at_end, step;
 };
 
-// For the columns begin … end - 1: the sum over the lags of n(i) times the product, where no series is needed.
+// Adds for the columns from `begin` on the sum over the lags of n(i) times the product, where no series is needed.
 GMWM_INLINE void products_inline(const Row& row, const Columns& columns, const Factors& f, std::size_t begin,
-                                 std::size_t end, double* out) {
+                                 double* __restrict out) {
   const double *er = columns.ahead.re.data(), *ei = columns.ahead.im.data(), *fr = columns.behind.re.data(),
                *fi = columns.behind.im.data(), *br = columns.power.re.data(), *bi = columns.power.im.data(),
                *xr = row.x.re.data(), *xi = row.x.im.data(), *pr = row.over_one.re.data(), *pi = row.over_one.im.data(),
                *qr = row.over_apart.re.data(), *qi = row.over_apart.im.data(), *weight = row.weight.data(),
                *sum_size = row.size_of_sum.data(), *difference_size = row.size_of_difference.data();
+  const std::size_t end = row.weight.size() / lanes * lanes;
   for (std::size_t k = begin; k < end; ++k) {
     const Complex e{er[k], ei[k]}, b{fr[k], fi[k]}, bn{br[k], bi[k]};
     const Complex X = f.ahead * e, Y = f.behind * b, U = f.ahead * b, W = f.behind * e;
@@ -76,7 +79,7 @@ GMWM_INLINE void products_inline(const Row& row, const Columns& columns, const F
     const Complex two = against * (f.at_start * U + f.at_end * W) + against_risen * (f.step * (U - W));
     const double first = sum_size[k] * f.n < alike ? 0.0 : one.re;
     const double second = difference_size[k] * f.n < alike ? 0.0 : two.re;
-    out[k] = weight[k] * (first + second);
+    out[k] += weight[k] * (first + second);
   }
 }
 constexpr Clones<products_inline> products{};
@@ -107,11 +110,10 @@ class Sums {
 
  private:
   double exponentials(const LagPiece& piece, LagCount count);
-  double plain(const LagPiece& piece, LagCount count);
+  Falling::Values summed(const LagPiece& piece, const Falling& falling);
   double echoed(const LagPiece& piece, LagCount count) const;
-  double mixed(const LagPiece& piece, LagCount count);
   std::pair<double, double> spikes(const LagPiece& piece, LagCount count);
-  double with_table(const LagPiece& piece, std::size_t place, std::size_t table);
+  double with_table(const LagPiece& piece, std::size_t place, std::size_t table, const Falling::Values& sums);
   void at(const LagPiece& piece, std::int64_t first, std::int64_t lags, std::vector<double>& out);
   // Calls a function with the lags at both ends of a piece that the spikes reach.
   template <class Function>
@@ -139,25 +141,21 @@ Sums::Sums(const LagProcess& process, std::int64_t samples, std::span<const Tabl
     with_tables_.emplace_back(process_, *entry.table);
     ends_.push_back(process_.spikes() > 0 ? entry.table->ends(static_cast<std::int64_t>(process_.spikes())) : nullptr);
   }
-  std::vector<std::size_t> conjugate_of(process_.size());
-  for (std::size_t q = 0; q < process_.size(); ++q) columns_.of.push_back(q), columns_.conjugate.push_back(false);
-  for (std::size_t q = 0; q < process_.size(); ++q) {
-    conjugate_of[q] = columns_.of.size();
-    if (!process_.real(q)) columns_.of.push_back(q), columns_.conjugate.push_back(true);
-  }
-  const std::size_t size = columns_.of.size();
+  for (const bool conjugate : {false, true})
+    for (std::size_t q = 0; q < process_.size(); ++q)
+      if (!conjugate || !process_.real(q)) columns_.of.push_back(q), columns_.conjugate.push_back(conjugate);
+  const std::size_t size = (columns_.of.size() + lanes - 1) / lanes * lanes;
   for (Numbers* numbers : {&columns_.ahead, &columns_.behind, &columns_.power}) numbers->resize(size);
   products_.resize(size);
   for (std::size_t p = 0; p < process_.size(); ++p) {
     Row row;
     const Complex decay = process_.decay(p);
     row.a = exp(-decay);
-    row.plain = p;
-    row.conjugates = process_.real(p) ? size : conjugate_of[p];
     for (Numbers* numbers : {&row.x, &row.over_one, &row.over_apart, &row.sum, &row.difference}) numbers->resize(size);
     row.weight.resize(size), row.size_of_sum.resize(size), row.size_of_difference.resize(size);
-    for (std::size_t k = 0; k < size; ++k) {
+    for (std::size_t k = 0; k < columns_.of.size(); ++k) {
       const std::size_t q = columns_.of[k];
+      if (q < p || (columns_.conjugate[k] && process_.real(p))) continue;
       const Complex other = columns_.conjugate[k] ? conj(process_.decay(q)) : process_.decay(q), b = exp(-other);
       const Complex sum = wrapped(decay + other), difference = wrapped(decay - other);
       row.weight[k] = (q > p ? 2.0 : 1.0) * (process_.real(p) || process_.real(q) ? 1.0 : 0.5);
@@ -188,23 +186,19 @@ double Sums::exponentials(const LagPiece& piece, LagCount count) {
     columns_.power.set(k, active ? turn(power[q]) : Complex{});
   }
   double total = 0;
+  std::fill(products_.begin(), products_.end(), 0.0);
   for (std::size_t k = 0; k < piece.active.size(); ++k) {
     const std::size_t p = piece.active[k];
     const Row& row = rows_[p];
     const Factors factors{piece.ahead[k], piece.behind[k], power[p], n, count.at_start, end, count.step};
-    const std::size_t plain = process_.size(), all = columns_.of.size();
-    const std::size_t first = std::max(row.plain, piece.active.front());
-    products(row, columns_, factors, first, plain, products_.data());
-    for (std::size_t c = first; c < plain; ++c) total += products_[c];
-    products(row, columns_, factors, row.conjugates, all, products_.data());
-    for (std::size_t c = row.conjugates; c < all; ++c) total += products_[c];
+    products(row, columns_, factors, p / lanes * lanes, products_.data());
     for (const std::size_t c : row.close) {
-      if (c < (c < plain ? row.plain : row.conjugates)) continue;
       if (std::min(row.size_of_sum[c], row.size_of_difference[c]) * n >= alike) continue;
       const Complex last = turned[columns_.of[c]];
       total += close_products(row, columns_, factors, c, columns_.conjugate[c] ? conj(last) : last);
     }
   }
+  for (const double product : products_) total += product;
   return total;
 }
 
@@ -221,49 +215,41 @@ Polynomial times_count(const LagPiece& piece, LagCount count) {
 
 // Σ n(i) of the square of the polynomial; first: Σ n(i) of the polynomial.
 double polynomials(const LagPiece& piece, LagCount count, double* first) {
-  const Polynomial weighted = times_count(piece, count);
-  std::array<double, power_sums + 1> both{}, sums;
-  const std::size_t highest = 2 * piece.degree + 1;
-  for (std::size_t r = 0; r <= piece.degree + 1; ++r)
-    for (std::size_t s = 0; s <= piece.degree; ++s) both[r + s] += weighted[r] * piece.polynomial[s];
-  sums_of_powers(piece.count, highest + 1, sums.data());
+  const std::size_t degree = piece.degree;
+  std::array<double, power_sums> sums;
+  sums_of_powers(piece.count, 2 * degree + 2, sums.data());
+  const double slope = count.step * static_cast<double>(piece.count);
+  for (std::size_t r = 0; r <= 2 * degree; ++r) sums[r] = count.at_start * sums[r] + slope * sums[r + 1];
   double total = 0;
-  for (std::size_t r = 0; r <= highest; ++r) total += both[r] * sums[r];
   *first = 0;
-  for (std::size_t r = 0; r <= piece.degree + 1; ++r) *first += weighted[r] * sums[r];
+  for (std::size_t r = 0; r <= degree; ++r) {
+    double others = 0;
+    for (std::size_t s = r + 1; s <= degree; ++s) others += piece.polynomial[s] * sums[r + s];
+    total += piece.polynomial[r] * (piece.polynomial[r] * sums[2 * r] + 2 * others);
+    *first += piece.polynomial[r] * sums[r];
+  }
   return total;
 }
 
-// Σ n(i) of the products of the polynomial and the exponentials.
-double Sums::mixed(const LagPiece& piece, LagCount count) {
-  if (piece.active.empty()) return 0;
-  const Polynomial forward = times_count(piece, count);
-  const std::size_t highest = piece.degree + 1;
-  const double n = static_cast<double>(piece.count);
-  const Polynomial backward = turned(forward, highest, n);
-  // M_r = Σ (i / n)^r z^i by summation by parts: (z - 1) M_r = z^n - z Σ_{s<r} C(r, s) n^(s-r) M_s.
-  std::array<std::array<double, moments>, moments> factors;
-  for (std::size_t r = 1; r <= highest; ++r) {
-    double factor = 1;
-    for (std::size_t s = r; s-- > 0; factors[r][s] = factor)
-      factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
-  }
-  std::array<Complex, moments> moment;
+// The sums of the functions of `falling` and the exponentials.
+Falling::Values Sums::summed(const LagPiece& piece, const Falling& falling) {
+  const std::size_t highest = tables_.empty() ? piece.degree + 1 : Falling::size - 1;
   const Complex* power = process_.power(piece.count);
-  double total = 0;
+  Falling::Values sums{};
   for (std::size_t k = 0; k < piece.active.size(); ++k) {
     const std::size_t p = piece.active[k];
-    const Complex zn = power[p], z = process_.pole(p), over = process_.over_apart(p);
-    moment[0] = (zn - Complex{1, 0}) * over;
-    Complex ahead = forward[0] * moment[0], behind = backward[0] * moment[0];
-    for (std::size_t r = 1; r <= highest; ++r) {
-      Complex sum{};
-      for (std::size_t s = 0; s < r; ++s) sum += factors[r][s] * moment[s];
-      moment[r] = (zn - z * sum) * over;
-      ahead += forward[r] * moment[r], behind += backward[r] * moment[r];
-    }
-    total += (piece.ahead[k] * ahead + piece.behind[k] * behind).re;
+    falling.add(process_.pole(p), power[p], process_.over_apart(p), piece.ahead[k], piece.behind[k], highest, sums);
   }
+  return sums;
+}
+
+// Σ n(i) of the products of the polynomial and the exponentials.
+double mixed(const LagPiece& piece, LagCount count, const Falling& falling, const Falling::Values& sums) {
+  if (piece.active.empty()) return 0;
+  const Polynomial weighted = times_count(piece, count);
+  const Falling::Values powers = falling.powers(sums, piece.degree + 1);
+  double total = 0;
+  for (std::size_t r = 0; r <= piece.degree + 1; ++r) total += weighted[r] * powers[r];
   return total;
 }
 
@@ -317,18 +303,9 @@ double of_echoes(const LagPiece& piece, LagCount count) {
 }
 
 // Σ n(i) of the exponentials and the echoes.
-double Sums::plain(const LagPiece& piece, LagCount count) {
-  const double n = static_cast<double>(piece.count), end = count.at_start + count.step * (n - 1);
-  const Complex* power = process_.power(piece.count);
-  double total = 0;
-  for (std::size_t k = 0; k < piece.active.size(); ++k) {
-    const std::size_t p = piece.active[k];
-    const Complex zn = power[p], z = process_.pole(p), over = process_.over_apart(p);
-    const Complex all = (zn - Complex{1, 0}) * over, risen = (n * zn - z * all) * over;
-    total += (all * (count.at_start * piece.ahead[k] + end * piece.behind[k]) +
-              risen * (count.step * (piece.ahead[k] - piece.behind[k])))
-                 .re;
-  }
+double plain(const LagPiece& piece, LagCount count, const Falling::Values& sums) {
+  const double n = static_cast<double>(piece.count);
+  double total = count.at_start * sums[0] + count.step * n * sums[1];
   for (const Echo& echo : piece.echoes)
     total += swept(counted(echo, count, n), degree_most + 1, {0, echo.angle}, piece.count).re;
   return total;
@@ -377,7 +354,7 @@ std::pair<double, double> Sums::spikes(const LagPiece& piece, LagCount count) {
 }
 
 // Σ n(i) of the products with a table.
-double Sums::with_table(const LagPiece& piece, std::size_t place, std::size_t table) {
+double Sums::with_table(const LagPiece& piece, std::size_t place, std::size_t table, const Falling::Values& sums) {
   const TablePiece& other = tables_[table].table->piece(place);
   const bool spiked = process_.spikes() > 0;
   double total = 0;
@@ -388,7 +365,7 @@ double Sums::with_table(const LagPiece& piece, std::size_t place, std::size_t ta
                (values_[static_cast<std::size_t>(i)] + (spiked ? process_.spike(piece.start + i) : 0.0));
     return total;
   }
-  total = with_tables_[table].sum(piece, other, process_.power(piece.count));
+  total = with_tables_[table].sum(piece, other, process_.power(piece.count), sums);
   if (!piece.echoes.empty()) total += with_tables_[table].echo(piece, other);
   if (!spiked) return total;
   const double* value = ends_[table]->data() + 2 * process_.spikes() * place;
@@ -407,10 +384,12 @@ void Sums::pair(std::int64_t h, std::int64_t g, std::size_t& place, double* firs
     if (interval.count <= 0) continue;
     process_.piece(interval.start, interval.count, piece_);
     const LagCount count = interval.pairs;
+    const Falling falling(static_cast<double>(piece_.count));
+    const Falling::Values sums = summed(piece_, falling);
     double straight = 0, centre = 0;
     double part = polynomials(piece_, count, &straight) + exponentials(piece_, count) + of_echoes(piece_, count) +
-                  2 * (mixed(piece_, count) + echoed(piece_, count));
-    sum += 2 * (straight + plain(piece_, count));
+                  2 * (mixed(piece_, count, falling, sums) + echoed(piece_, count));
+    sum += 2 * (straight + plain(piece_, count, sums));
     if (process_.spikes() > 0) {
       const auto [spiked, product_of_spikes] = spikes(piece_, count);
       sum += 2 * spiked;
@@ -426,7 +405,7 @@ void Sums::pair(std::int64_t h, std::int64_t g, std::size_t& place, double* firs
     }
     for (std::size_t k = 0; k < tables_.size(); ++k) {
       const double table_centre = tables_[k].table->piece(place).centre;
-      product += 2 * tables_[k].factor * (2 * with_table(piece_, place, k) - centre * table_centre);
+      product += 2 * tables_[k].factor * (2 * with_table(piece_, place, k, sums) - centre * table_centre);
     }
     ++place;
   }

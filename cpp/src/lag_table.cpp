@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gmwm/lag_series.hpp"
 #include "gmwm/pack.hpp"
 
 namespace gmwm {
@@ -15,46 +14,8 @@ namespace {
 
 constexpr std::int64_t few = 16;  // lags up to which their values are stored instead of sums
 constexpr std::size_t few_ends = 8;      // numbers of lags for which the values at the ends of pieces are kept
-constexpr std::size_t moments = degree_most + 2;
+constexpr std::size_t moments = Falling::size;
 constexpr double near = 0.2;      // |λ_a - λ_b| relative to λ_b, below which a sum may need a series (alike / slow)
-
-using Moments = std::array<double, moments>;
-
-// Polynomial in powers of i / n, as a sum of the functions i! / ((i - r)! n^r).
-template <class Coefficients>
-Coefficients factorial(const Coefficients& powers, double n) {
-  Coefficients out{};
-  for (std::size_t r = moments; r-- > 0;) {
-    // i / n times function s is function s + 1, and s / n times function s.
-    for (std::size_t s = moments - 1; s >= 1; --s) out[s] = (static_cast<double>(s) / n) * out[s] + out[s - 1];
-    out[0] = powers[r];
-  }
-  return out;
-}
-
-// n! / ((n - r)! n^r)
-Moments factorials(double n) {
-  Moments out;
-  out[0] = 1;
-  for (std::size_t r = 1; r < moments; ++r) out[r] = out[r - 1] * (1 - static_cast<double>(r - 1) / n);
-  return out;
-}
-
-// Σ (i / n)^r z^i, with z = exp(-decay) and zn = z^n.
-Moments moments_of(double decay, double zn, double n) {
-  const double z = std::exp(-decay), over = 1 / std::expm1(-decay);
-  Moments out;
-  out[0] = std::expm1(-n * decay) * over;
-  for (std::size_t r = 1; r < moments; ++r) {
-    double sum = 0, factor = 1;
-    for (std::size_t s = r; s-- > 0;) {
-      factor *= static_cast<double>(s + 1) / (static_cast<double>(r - s) * n);
-      sum += factor * out[s];
-    }
-    out[r] = (zn - z * sum) * over;
-  }
-  return out;
-}
 
 void fill(TablePiece& piece, LagPieces& process) {
   const LagPiece& from = piece.covariance;
@@ -68,19 +29,15 @@ void fill(TablePiece& piece, LagPieces& process) {
     double* column = &piece.columns[4 * (from.active[k] - piece.first)];
     column[0] = E, column[1] = F, column[2] = E * bn, column[3] = F * bn;
   }
-  // Of the exponentials, with t = i / n: Σ t^r E b^i, and Σ (1 - 1/n - t)^r F b^i.
-  Moments plain{}, ahead{}, behind{};
+  const Falling falling(n);
+  Falling::Values exponentials{};
   for (std::size_t k = 0; k < from.active.size(); ++k) {
-    const Moments each = moments_of(process.decay(from.active[k]).re, power[from.active[k]].re, n);
-    for (std::size_t r = 0; r < moments; ++r) ahead[r] += from.ahead[k].re * each[r], plain[r] += from.behind[k].re * each[r];
+    const std::size_t p = from.active[k];
+    falling.add(process.pole(p).re, power[p].re, process.over_apart(p).re, from.ahead[k].re, from.behind[k].re, moments - 1,
+                exponentials);
   }
-  Moments turn{1};
-  for (std::size_t r = 0; r < moments; ++r) {
-    for (std::size_t k = 0; k <= r; ++k) behind[r] += turn[k] * plain[k];
-    for (std::size_t k = std::min(r + 1, moments - 1); k >= 1; --k) turn[k] = (1 - 1 / n) * turn[k] - turn[k - 1];
-    turn[0] *= 1 - 1 / n;
-  }
-  Moments weighted{};
+  exponentials = falling.powers(exponentials, moments - 1);
+  Falling::Values weighted{};
   for (std::size_t r = 0; r <= from.degree; ++r) {
     weighted[r] += s * from.polynomial[r];
     weighted[r + 1] += d * from.polynomial[r];
@@ -88,11 +45,10 @@ void fill(TablePiece& piece, LagPieces& process) {
   std::array<double, 2 * moments> sums;
   sums_of_powers(piece.count, degree_most + moments, sums.data());
   for (std::size_t r = 0; r <= degree_most; ++r) {
-    piece.moments[r] = s * (ahead[r] + behind[r]) + d * (ahead[r + 1] + behind[r + 1]);
+    piece.moments[r] = s * exponentials[r] + d * exponentials[r + 1];
     for (std::size_t k = 0; k < moments; ++k) piece.moments[r] += weighted[k] * sums[r + k];
   }
-  piece.ahead = factorial(weighted, n);
-  piece.behind = factorial(turned(weighted, moments - 1, n), n);
+  piece.weights = falling.of(weighted);
 }
 
 // For each of the four factors of the columns, its products with the eight parts of the constants.
@@ -184,14 +140,14 @@ LagTable::Values LagTable::ends(std::int64_t lags) const {
 TableProducts::TableProducts(const LagPieces& process, const LagTable& table) : table_(table) {
   const std::span<const double> decays = table.decays();
   for (std::size_t p = 0; p < process.size(); ++p) {
-    Row row{process.decay(p), process.pole(p), process.over_apart(p), std::vector<double>(8 * decays.size()), {}};
+    Row row{process.decay(p), process.pole(p), std::vector<double>(8 * decays.size()), {}};
     for (std::size_t q = 0; q < decays.size(); ++q) {
       const Complex sum = wrapped(row.decay + Complex{decays[q], 0}), difference = wrapped(row.decay - Complex{decays[q], 0});
       const Complex one = inverse(-expm1(-sum));
       const Complex other = norm(difference) == 0 ? Complex{} : inverse(row.pole * expm1(difference));
       const std::array<Complex, 4> each{one, exp(-sum) * one * one, other, row.pole * other * other};
       for (std::size_t l = 0; l < 4; ++l) row.constants[8 * q + 2 * l] = each[l].re, row.constants[8 * q + 2 * l + 1] = each[l].im;
-      if (size(difference) < near * decays[q]) row.close.push_back(q);
+      if (size(difference) < near * decays[q]) row.close.push_back({q, difference, size(difference)});
     }
     rows_.push_back(std::move(row));
   }
@@ -205,9 +161,8 @@ double TableProducts::exponential(const Row& row, Complex A, Complex B, Complex 
   Products out{};
   std::size_t from = piece.first;
   double total = 0;
-  for (const std::size_t q : row.close) {
-    const Complex difference = wrapped(row.decay - Complex{decays[q], 0});
-    if (q < piece.first || n * size(difference) >= alike) continue;
+  for (const auto& [q, difference, distance] : row.close) {
+    if (q < piece.first || n * distance >= alike) continue;
     multiply(&piece.columns[4 * (from - piece.first)], &row.constants[8 * from], q - from, out.data());
     from = q + 1;
     const double *column = &piece.columns[4 * (q - piece.first)], E = column[0], F = column[1];
@@ -233,25 +188,14 @@ double TableProducts::exponential(const Row& row, Complex A, Complex B, Complex 
   return total + (A * first + B * second).re;
 }
 
-double TableProducts::sum(const LagPiece& left, const TablePiece& piece, const Complex* power) const {
-  const double n = static_cast<double>(piece.count);
+double TableProducts::sum(const LagPiece& left, const TablePiece& piece, const Complex* power,
+                          const Falling::Values& sums) const {
   double total = 0;
   for (std::size_t r = 0; r <= left.degree; ++r) total += left.polynomial[r] * piece.moments[r];
-  if (left.active.empty()) return total;
-  const Moments ends = factorials(n);
-  for (std::size_t k = 0; k < left.active.size(); ++k) {
-    const Row& row = rows_[left.active[k]];
-    const Complex A = left.ahead[k], B = left.behind[k], end = power[left.active[k]];
-    // Σ of function r times a^i: (1 - a) M_r = (r / n) a M_(r-1) - a^n times the function at n.
-    Complex moment = (end - Complex{1, 0}) * row.over_apart;
-    Complex ahead = piece.ahead[0] * moment, behind = piece.behind[0] * moment;
-    for (std::size_t r = 1; r < moments; ++r) {
-      moment = (ends[r] * end - (static_cast<double>(r) / n) * (row.pole * moment)) * row.over_apart;
-      ahead += piece.ahead[r] * moment, behind += piece.behind[r] * moment;
-    }
-    total += (A * ahead + B * behind).re;
-    if (!piece.columns.empty()) total += exponential(row, A, B, end, piece);
-  }
+  for (std::size_t r = 0; r < moments; ++r) total += piece.weights[r] * sums[r];
+  if (piece.columns.empty()) return total;
+  for (std::size_t k = 0; k < left.active.size(); ++k)
+    total += exponential(rows_[left.active[k]], left.ahead[k], left.behind[k], power[left.active[k]], piece);
   return total;
 }
 
@@ -259,7 +203,7 @@ double TableProducts::echo(const LagPiece& left, const TablePiece& piece) const 
   const std::span<const double> decays = table_.decays();
   const LagPiece& from = piece.covariance;
   const double n = static_cast<double>(piece.count);
-  const Moments ends = factorials(n);
+  const Falling falling(n);
   double total = 0;
   for (const Echo& echo : left.echoes) {
     const Series forward = counted(echo, piece.pairs, n);
@@ -268,13 +212,13 @@ double TableProducts::echo(const LagPiece& left, const TablePiece& piece) const 
     for (std::size_t r = 0; r < moments; ++r)
       for (std::size_t s = 0; s <= from.degree; ++s) both[r + s] += from.polynomial[s] * forward[r];
     total += swept(both, moments - 1 + from.degree, angle, piece.count).re;
-    const Series ahead = factorial(forward, n), behind = factorial(turned(forward, moments - 1, n), n);
+    const Series ahead = falling.of(forward), behind = falling.of(turned(forward, moments - 1, n));
     const Complex end = exp(-((n - 1) * angle));
     const auto sum = [&](const Series& functions, Complex decay) {
       const Complex z = exp(-decay), zn = exp(-(n * wrapped(decay))), over = inverse(expm1(-wrapped(decay)));
       Complex moment = expm1(-(n * wrapped(decay))) * over, out = functions[0] * moment;
       for (std::size_t r = 1; r < moments; ++r) {
-        moment = (ends[r] * zn - (static_cast<double>(r) / n) * (z * moment)) * over;
+        moment = (falling.end[r] * zn - falling.step[r] * (z * moment)) * over;
         out += functions[r] * moment;
       }
       return out;

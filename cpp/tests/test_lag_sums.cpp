@@ -11,6 +11,7 @@
 
 #include "check.hpp"
 #include "gmwm/hermite_sums.hpp"
+#include "gmwm/lag_series.hpp"
 #include "gmwm/lag_table.hpp"
 
 namespace {
@@ -164,6 +165,31 @@ void powers_of_oscillations() {
     }
 }
 
+// Sums of falling powers and exponentials, and of powers, against sums lag by lag.
+void falling_powers() {
+  for (const std::int64_t n : {17, 400})
+    for (const gmwm::Complex decay : {gmwm::Complex{1, 0}, {0.1, 0.7}, {0.05, 3.1}}) {
+      const gmwm::Falling falling(static_cast<double>(n));
+      const gmwm::Complex one{1, 0}, z = gmwm::exp(-decay), a{0.3, -0.2}, b{0.5, 0.1};
+      const std::complex<Wide> wide(decay.re, decay.im), wide_a(a.re, a.im), wide_b(b.re, b.im);
+      gmwm::Falling::Values sums{};
+      falling.add(z, gmwm::exp(-(static_cast<double>(n) * decay)), gmwm::inverse(z - one), a, b, 6, sums);
+      const gmwm::Falling::Values powers = falling.powers(sums, 6);
+      for (std::size_t r = 0; r <= 6; ++r) {
+        Wide expected[2] = {0, 0};
+        for (std::int64_t i = 0; i < n; ++i) {
+          const Wide lag = static_cast<Wide>(i), last = static_cast<Wide>(n - 1 - i);
+          Wide function = 1, power = 1;
+          for (std::size_t s = 0; s < r; ++s) function *= (lag - static_cast<Wide>(s)) / n, power *= lag / n;
+          const Wide value = (wide_a * std::exp(-lag * wide) + wide_b * std::exp(-last * wide)).real();
+          expected[0] += function * value, expected[1] += power * value;
+        }
+        CHECK(std::abs(sums[r] - static_cast<double>(expected[0])) <= 1e-9);
+        CHECK(std::abs(powers[r] - static_cast<double>(expected[1])) <= 1e-9);
+      }
+    }
+}
+
 }  // namespace
 
 int main() {
@@ -171,6 +197,7 @@ int main() {
     elementary();
     exponentials();
     mixtures();
+    falling_powers();
     powers_of_oscillations();
   });
 }

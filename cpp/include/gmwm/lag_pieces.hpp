@@ -12,6 +12,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -67,7 +68,7 @@ class LagPieces {
   void pair(std::int64_t h, std::int64_t g);
   // Writes the lags start … start + count - 1, which lie between two kinks.
   void piece(std::int64_t start, std::int64_t count, LagPiece& out);
-  // z^exponent of all exponentials; valid until the next pair of levels.
+  // z^exponent of all exponentials; valid until the next pair of levels. Those of short lags serve all pairs of a level.
   const Complex* power(std::int64_t exponent);
   // Contribution of the spikes to C(v).
   double spike(std::int64_t v) const;
@@ -83,8 +84,23 @@ class LagPieces {
   using Series = std::array<double, degree_most + 1>;
   enum class Speed : std::uint8_t { fast, swing, echo, between, still };
 
-  void level();
-  void coarse();
+  // z^exponent for some exponents, of which the first `used` are valid.
+  struct Powers {
+    std::vector<std::pair<std::int64_t, std::vector<Complex>>> all;
+    std::size_t used = 0;
+  };
+
+  // Of a level with half-scale h: z^h - 1, W, ρ of an echo and, of slow exponentials, the coefficients of κ in powers of
+  // d / h and the factor of sinh in χ.
+  struct Level {
+    std::vector<Complex> lost, outside, bend, rest;
+    std::vector<Series> corner;
+    std::vector<Speed> speed;  // fast, echo or between
+    Powers powers;
+  };
+
+  Level& level(std::int64_t half);
+  void fill(double h, Level& out) const;
   void add(Complex coefficient, Complex decay_of_count, LagPiece& out) const;
   void echo(std::size_t p, Complex end, LagPiece& out) const;
   void straight(double at_start, double step, LagPiece& out) const;
@@ -93,15 +109,14 @@ class LagPieces {
 
   LagProcess process_;
   std::vector<Complex> amplitude_, decay_, pole_, over_apart_, weight_;  // weight: the factor w of z^|m| in K
-  std::vector<double> slope_;
+  std::vector<double> slope_, size_;  // size: |λ|
   std::vector<char> real_;
   std::int64_t h_ = 0, g_ = 0;
-  // Of the finer level: W and, if it is slow, the coefficients of κ in powers of d / h and the factor of sinh in χ.
-  std::vector<Complex> outside_, bend_, tail_, rest_;  // rest: ρ of an echo of period h, or g (swing)
-  std::vector<Series> corner_;
+  std::map<std::int64_t, Level> levels_;  // by half-scale
+  Level* fine_ = nullptr;
+  std::vector<Complex> tail_, rest_;  // of the pair of levels, as `speed_`; rest: ρ of an echo, or of a swing of period g
   std::vector<Speed> speed_;
-  std::vector<std::pair<std::int64_t, std::vector<Complex>>> powers_;
-  std::size_t powers_used_ = 0;
+  Powers powers_;
   std::vector<Complex> ahead_, behind_;
 };
 

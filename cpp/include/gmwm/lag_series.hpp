@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "gmwm/complex.hpp"
 #include "gmwm/lag_pieces.hpp"
@@ -43,5 +44,60 @@ Coefficients turned(const Coefficients& forward, std::size_t highest, double n) 
   }
   return backward;
 }
+
+// The functions i! / ((i - r)! n^r), which are sums of powers of i / n.
+struct Falling {
+  static constexpr std::size_t size = degree_most + 2;
+  using Values = std::array<double, size>;
+
+  explicit Falling(double n) {
+    end[0] = 1, step[0] = 0;
+    for (std::size_t r = 1; r < size; ++r) step[r] = static_cast<double>(r) / n, end[r] = end[r - 1] * (1 - step[r - 1]);
+  }
+
+  // Adds to out[r], r <= highest, the sum over 0 <= i < n of function r times Re(a z^i + b z^(n - 1 - i)). zn is z^n, and
+  // over is 1 / (z - 1). Summation by parts:
+  //   (z - 1) M_r = (function r at n) z^n - (r / n) z M_(r-1),   (z - 1) B_r = (r / n) B_(r-1) - (function r at n).
+  template <class Number>
+  void add(Number z, Number zn, Number over, Number a, Number b, std::size_t highest, Values& out) const {
+    const Number last = zn * over, turn = z * over;
+    Number ahead = last - over, behind = ahead;
+    out[0] += real(a * ahead + b * behind);
+    for (std::size_t r = 1; r <= highest; ++r) {
+      ahead = end[r] * last - step[r] * (turn * ahead);
+      behind = step[r] * (over * behind) - end[r] * over;
+      out[r] += real(a * ahead + b * behind);
+    }
+  }
+
+  // Sums with powers of i / n, up to `highest`, from sums with these functions.
+  Values powers(const Values& sums, std::size_t highest) const {
+    Values out{};
+    for (std::size_t s = highest + 1; s-- > 0;) {
+      // out[r]: sums of function s times power r, from those of function s + 1.
+      double before = std::exchange(out[0], sums[s]);
+      for (std::size_t r = 1; r + s <= highest; ++r) before = std::exchange(out[r], before + step[s] * out[r - 1]);
+    }
+    return out;
+  }
+
+  // A polynomial in powers of i / n, as a sum of these functions.
+  template <class Coefficients>
+  Coefficients of(const Coefficients& polynomial) const {
+    Coefficients out{};
+    for (std::size_t r = size; r-- > 0;) {
+      // i / n times function s is function s + 1, and s / n times function s.
+      for (std::size_t s = size - 1; s >= 1; --s) out[s] = step[s] * out[s] + out[s - 1];
+      out[0] = polynomial[r];
+    }
+    return out;
+  }
+
+  Values end, step;  // values at i = n, and r / n
+
+ private:
+  static double real(double a) { return a; }
+  static double real(Complex a) { return a.re; }
+};
 
 }  // namespace gmwm

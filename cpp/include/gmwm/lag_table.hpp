@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "gmwm/lag_pieces.hpp"
+#include "gmwm/lag_series.hpp"
 #include "gmwm/lag_sums.hpp"
 
 namespace gmwm {
@@ -23,8 +24,7 @@ struct TablePiece {
   double centre = 0;                                // n(0) D(0) if start is 0
   std::vector<double> values;                       // n(i) D(i), of a short piece only
   std::array<double, degree_most + 1> moments{};    // Σ n(i) (i / count)^r D(i)
-  // The polynomial of D times n(i) in the functions i! / ((i - r)! count^r): of i, and of count - 1 - i.
-  std::array<double, degree_most + 2> ahead{}, behind{};
+  Falling::Values weights{};                        // of n(i) times the polynomial of D, a sum of the functions of `Falling`
   LagPiece covariance;
   std::size_t first = 0;                            // exponential of the first column
   std::vector<double> columns;                      // for each exponential E, F, E b^count and F b^count
@@ -61,16 +61,22 @@ class TableProducts {
   TableProducts(const LagPieces& process, const LagTable& table);
 
   // Σ n(i) C(i) D(i) over a piece of the table, where C has the exponentials and the polynomial of `left`, without spikes
-  // and echoes. `power` are z^count of all exponentials of the process.
-  double sum(const LagPiece& left, const TablePiece& piece, const Complex* power) const;
+  // and echoes. `power` are z^count of all exponentials of the process, and `sums` those of the functions of `Falling` and
+  // the exponentials of `left`.
+  double sum(const LagPiece& left, const TablePiece& piece, const Complex* power, const Falling::Values& sums) const;
   // The same for an echo.
   double echo(const LagPiece& left, const TablePiece& piece) const;
 
  private:
+  struct Close {
+    std::size_t column;
+    Complex difference;  // of the decays
+    double distance;
+  };
   struct Row {
-    Complex decay, pole, over_apart;
+    Complex decay, pole;
     std::vector<double> constants;    // for each column p, a b p², q and a q², p = 1 / (1 - a b), q = 1 / (b - a)
-    std::vector<std::size_t> close;   // columns for which a series may be needed
+    std::vector<Close> close;         // columns for which a series may be needed
   };
   double exponential(const Row& row, Complex E, Complex F, Complex end, const TablePiece& piece) const;
 

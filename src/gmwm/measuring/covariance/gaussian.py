@@ -1,9 +1,9 @@
 """Covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
 The coefficients are second differences of a running sum, whose covariances are closed forms, smooth in the lag between
-a few kinks. For a classical estimate and sums of exponentials, white noise, random walks and tables, sums over lags are
-closed forms too; robust estimates of an oscillation add higher powers by `cpp/src/hermite_sums.cpp`. Otherwise a Gauss
-rule for sums over integers is used between kinks, and every lag near them."""
+a few kinks. For a classical estimate and sums of exponentials, as FN nearly is, white noise, walks and tables, sums
+over lags are closed forms too; robust estimates of an oscillation add higher powers by `cpp/src/hermite_sums.cpp`.
+Otherwise a Gauss rule for sums over integers is used between kinks, and every lag near them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gmwm.base import _core
 from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
+from gmwm.base.threads import computed_once
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.filtered import LONGEST_SAMPLES
@@ -145,14 +146,16 @@ class _Split:
 
     def sums(self, design: Design, few: Booleans, *, diagonal: bool) -> tuple[Vector, Vector]:
         """Compute Σ n Cov and Σ n Cov², or what replaces it in a robust estimate of levels that are not `few`, for all
-        pairs of levels, or for all levels if `diagonal`. Products of smooth processes are summed over Gauss nodes;
-        products with exponentials oscillate and use the approximation."""
-        tables = [(_table(process, design, diagonal), process.scale) for process in self.smooth]
+        pairs of levels, or for all levels if `diagonal`. Smooth ones are approximated."""
+        shapes = [(_shape(process, design, diagonal), process) for process in self.smooth]
+        tables = [(shape.table, process.scale) for shape, process in shapes]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
-        if self.smooth:
-            at, weight, starts = nodes.lags(self.smooth, design, diagonal=diagonal)
-            own = nodes.product_sums(self.smooth, at, weight, starts, rate=design.rate)
-            first, second = first + own[0], second + own[1]
+        for k, (shape, process) in enumerate(shapes, 1):
+            own = process.scale * shape.first, process.scale**2 * shape.second
+            if k < len(shapes):
+                mixture = shape.mixture.scaled(process.scale)
+                own = lag_sums(design.levels, design.samples, mixture, tables[k:], diagonal=diagonal)
+            first, second = first + own[0][: first.size], second + own[1][: first.size]
         if design.efficiency is not None:
             variance, powers = self.powers(design, diagonal=diagonal)
             second = second + _Pairs.of(design, diagonal=diagonal).outer(np.where(few, 0.0, variance)) * powers
@@ -176,7 +179,7 @@ class _Split:
 
 def _split(present: list[Process], design: Design) -> _Split | None:
     """Return the processes as a sum of exponentials and smooth processes; None if a process has another form, or no
-    covariance oscillates and the estimate is robust or a process is smooth: a Gauss rule then needs few nodes."""
+    covariance oscillates and the estimate is robust or a smooth shape is free: a Gauss rule then needs few nodes."""
     split = _split_of(tuple(present), design.rate, design.samples)
     if design.efficiency is None or split is None:
         return split
@@ -191,27 +194,38 @@ def _split_of(present: tuple[Process, ...], rate: float, samples: int) -> _Split
     sums = [nodes.exponential_sum(process, rate) for process in present]
     smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
     terms = ExponentialSum.joined([term for term in sums if term is not None])
-    if smooth and not terms.oscillates and all(p.memory(rate) == 0 for p in present):
+    if not terms.oscillates and not all(p.shape_is_fixed for p in smooth) and all(p.memory(rate) == 0 for p in present):
         return None
     return _Split(terms, smooth) if all(process.exponential_mixture(rate, samples) for process in smooth) else None
 
 
-def _table(process: Process, design: Design, diagonal: bool) -> _core.LagTable:
-    """Return the covariances of a smooth process with scale 1. A table of all levels has those of the first ones."""
-    levels = tuple(design.levels.tolist())
-    every = tuple(range(1, design.samples.bit_length()))
-    shape = (type(process), tuple(process.nonlinear.tolist()), design.rate)
-    return _shape_table(shape, every if every[: len(levels)] == levels else levels, design.samples, diagonal)
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A smooth process with scale 1 as a sum of exponentials, its table for `lag_sums`, and its own sums."""
+
+    mixture: ExponentialSum
+    table: _core.LagTable
+    first: Vector
+    second: Vector
 
 
-@lru_cache(maxsize=4)
-def _shape_table(
-    shape: tuple[type[Process], tuple[float, ...], float], levels: tuple[int, ...], samples: int, diagonal: bool
-) -> _core.LagTable:
-    kind, values, rate = shape
-    mixture = kind.standard(np.array(values)).exponential_mixture(rate, samples)
+def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
+    """Return the sums of a smooth process. Those of all levels begin with those of the first ones."""
+    levels, every = tuple(design.levels.tolist()), tuple(range(1, design.samples.bit_length()))
+    wanted = every if every[: len(levels)] == levels else levels
+    kind, values = type(process), tuple(process.nonlinear.tolist())
+    return _shape_of(kind, values, rate=design.rate, levels=wanted, samples=design.samples, diagonal=diagonal)
+
+
+@computed_once(6)
+def _shape_of(
+    kind: type[Process], values: tuple[float, ...], *, rate: float, levels: tuple[int, ...], samples: int,
+    diagonal: bool,
+) -> _Shape:  # fmt: skip
+    mixture, wanted = kind.standard(np.array(values)).exponential_mixture(rate, samples), np.array(levels)
     assert mixture is not None
-    return lag_table(np.array(levels), samples, mixture, diagonal=diagonal)
+    table = lag_table(wanted, samples, mixture, diagonal=diagonal)
+    return _Shape(mixture, table, *lag_sums(wanted, samples, mixture, diagonal=diagonal))
 
 
 def _over_lags(
