@@ -343,6 +343,14 @@ def large_coefficients(path: Annotated[NDArray[numpy.float64], dict(shape=(None,
     Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.
     """
 
+def row_medians(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Return the median of each row of finite values."""
+
+def uneven_rows(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, times: float) -> Annotated[NDArray[numpy.int64], dict(shape=(None,))]:
+    """
+    Return the indices of the rows that can have a value further from their median than `times` spreads: the smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2.
+    """
+
 def neighbour_residuals(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], others: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], at: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], reach: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """
     Return the samples x[at] minus the median of their neighbours in `others`, `reach` on each side.
