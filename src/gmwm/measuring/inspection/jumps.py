@@ -146,11 +146,12 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    clearest = Likelihood(means).best_change(_FIRST)
+    likelihood = Likelihood(means)
+    clearest = likelihood.best_change(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
     boxes = _boxes_in(means)
     if jumps and boxes:
-        likelihood, places = Likelihood(means), [jump.place for jump in jumps]
+        places = [jump.place for jump in jumps]
         value = likelihood.with_all(likelihood.transform(_courses(places, means.size)))
         gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
         jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
@@ -166,7 +167,7 @@ def _jumps_in(means: Vector) -> list[_Jump]:
             limits = _SHORT_BOXES
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
-        if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
+        if best_swing(likelihood).gain < gain + margin and TrendTest(means).statistic < gain + margin:
             jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
     jumps = _with_settling(means, sorted(jumps))
     # Several possible jumps can look like a settling.
@@ -184,7 +185,7 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
     gain = likelihood.best_change(_FIRST, settles=True)[0]
     if gain < _CLEAR.gain + EXTRA:
         return []
-    rival, trend = best_swing(likelihood).gain, TrendTest(means)
+    rival = best_swing(likelihood).gain
     if jumps:
         courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
         together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
@@ -192,6 +193,7 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
     if gain < rival + 6.6:
         return []
+    trend = TrendTest(means)
     if trend.kind is not None and gain < trend.statistic + 6.6:
         means = means - trend.course()
     settlings, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
@@ -255,7 +257,8 @@ def _one_by_one(
         gain, place, _, weights = likelihood.best_change(_FIRST) if places else clearest
         if (
             gain < (limits.more if places else limits.gain)
-            or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain
+            or best_swing(likelihood).gain >= gain
+            or TrendTest(y).statistic >= gain
         ):
             break
         root = np.sqrt(weights)
