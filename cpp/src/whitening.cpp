@@ -7,18 +7,34 @@
 
 namespace gmwm {
 
-void second_order_sections(std::span<const double> sections, std::span<double> state, std::span<double> x) {
-  for (std::size_t k = 0; 6 * k < sections.size(); ++k) {
-    const double *c = &sections[6 * k], b0 = c[0], b1 = c[1], b2 = c[2], a1 = c[4], a2 = c[5];
-    double s1 = state[2 * k], s2 = state[2 * k + 1];
-    for (double& value : x) {
-      const double y = b0 * value + s1;
-      s1 = b1 * value - a1 * y + s2;
-      s2 = b2 * value - a2 * y;
+namespace {
+
+// Several sections of a cascade in one pass over the samples, because each waits for its own last sample.
+template <std::size_t n>
+void cascade(const double* coefficients, double* state, std::span<double> x) {
+  double c[n][5], s1[n], s2[n];
+  for (std::size_t k = 0; k < n; ++k) {
+    const double* of = coefficients + 6 * k;
+    c[k][0] = of[0], c[k][1] = of[1], c[k][2] = of[2], c[k][3] = of[4], c[k][4] = of[5];
+    s1[k] = state[2 * k], s2[k] = state[2 * k + 1];
+  }
+  for (double& value : x)
+    for (std::size_t k = 0; k < n; ++k) {
+      const double y = c[k][0] * value + s1[k];
+      s1[k] = c[k][1] * value - c[k][3] * y + s2[k];
+      s2[k] = c[k][2] * value - c[k][4] * y;
       value = y;
     }
-    state[2 * k] = s1, state[2 * k + 1] = s2;
-  }
+  for (std::size_t k = 0; k < n; ++k) state[2 * k] = s1[k], state[2 * k + 1] = s2[k];
+}
+
+}  // namespace
+
+void second_order_sections(std::span<const double> sections, std::span<double> state, std::span<double> x) {
+  const std::size_t count = sections.size() / 6;
+  std::size_t k = 0;
+  for (; k + 4 <= count; k += 4) cascade<4>(&sections[6 * k], &state[2 * k], x);
+  for (; k < count; ++k) cascade<1>(&sections[6 * k], &state[2 * k], x);
 }
 
 namespace {

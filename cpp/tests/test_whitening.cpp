@@ -22,6 +22,19 @@ void sections_are_one_filter() {
   for (std::size_t t = 0; t < x.size(); ++t) CHECK_CLOSE(x[t], y[t], 1e-12);
 }
 
+// Four sections of a cascade run together, and the others one by one.
+void a_cascade_is_its_sections_one_after_another() {
+  std::vector<double> sections, x(50), state(14), alone(14);
+  for (int k = 0; k < 7; ++k) sections.insert(sections.end(), {1, 0.1 * k, -0.05, 1, 0.1 * k - 0.4, 0.02 * k});
+  for (std::size_t t = 0; t < x.size(); ++t) x[t] = std::cos(0.3 * static_cast<double>(t * t));
+  std::vector<double> y = x;
+  gmwm::second_order_sections(sections, state, x);
+  for (std::size_t k = 0; k < 7; ++k)
+    gmwm::second_order_sections(std::span{sections}.subspan(6 * k, 6), std::span{alone}.subspan(2 * k, 2), y);
+  CHECK(x == y);
+  CHECK(state == alone);
+}
+
 // The squares of the innovations and the logarithms of their variances add up to those of e ~ N(0, 1 + G P Gᵀ), here
 // for one state, where they are closed forms.
 void innovations_have_the_likelihood() {
@@ -67,6 +80,7 @@ void states_add_up() {
 int main() {
   return check::at_each_level("whitening", [] {
     sections_are_one_filter();
+    a_cascade_is_its_sections_one_after_another();
     innovations_have_the_likelihood();
     states_add_up();
   });

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
-from gmwm.base.arrays import FrozenArrays, Vector, as_rate
+from gmwm.base.arrays import FrozenArrays, Vector, as_rate, runs_of
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
@@ -147,10 +147,11 @@ class Baseline(FrozenArrays):
 
 def longest_run(segments: Sequence[Vector]) -> int:
     """Return the length of the longest run of equal values within a segment."""
+    sizes = [part.size for part in segments if part.size]
     values = np.concatenate([np.zeros(0), *segments])
-    is_last = np.diff(values, append=np.nan) != 0
-    is_last[np.cumsum([part.size for part in segments if part.size], dtype=np.int64) - 1] = True
-    return int(np.max(np.diff(np.flatnonzero(is_last), prepend=-1), initial=0))
+    equal = values[1:] == values[:-1]
+    equal[np.cumsum(sizes[:-1], dtype=np.int64) - 1] = False  # the last sample of a segment, and the first of the next
+    return int(np.max(np.diff(runs_of(equal)), initial=0)) + 1 if sizes else 0
 
 
 class _BlockSums:
@@ -201,8 +202,9 @@ def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
     first = np.repeat(starts - length * (np.cumsum(counts) - counts), counts) + length * np.arange(np.sum(counts))
     if not first.size:
         return np.zeros(0)
-    squares = np.square(charts.differences(np.concatenate(long), m)) / 2.0**level
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1))
+    squares = charts.differences(np.concatenate(long), m)
+    squares *= squares
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1) / 2.0**level)
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:
