@@ -6,6 +6,7 @@ The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ _TIMES = (1.5, 5.0, 16.0)
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 Change = tuple[float, float, float, Vector]
+Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +73,15 @@ def _steps(blocks: int, first: int, last: int) -> Matrix:
 
 
 @computed_once(1)
-def _changes(blocks: int, first: int) -> tuple[Vector, NDArray[np.float32], NDArray[np.float32]]:
+def _changes(blocks: int, first: int) -> tuple[Vector, Single, Single]:
     """Return places (blocks), transformed courses (S, P, n − 1) of `_courses_at`, and Σ c²/λ (S, P, W) in models of
     white noise and a walk. float32 finds the best place in half the time."""
     places = np.arange(first, blocks - first + 0.5, 0.5)
-    courses, weights = _courses_at(places, blocks), grid_of(blocks).weights[: _WALKS.size].T
-    squares = np.stack([of_shape**2 @ weights for of_shape in courses])
-    return places, courses.astype(np.float32), squares.astype(np.float32)
+    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
+    for of_shape in _courses_at(places, blocks):
+        courses.append(of_shape.astype(np.float32))
+        squares.append((of_shape**2 @ weights).astype(np.float32))
+    return places, np.stack(courses), np.stack(squares)
 
 
 def _times_of(blocks: int) -> Vector:
@@ -85,13 +89,14 @@ def _times_of(blocks: int) -> Vector:
     return np.asarray(2.0 ** np.arange(int(math.log2(blocks)) - 2))
 
 
-def _courses_at(places: Vector, blocks: int) -> NDArray[np.float64]:
-    """Return transformed courses (S, P, n − 1): a jump, and those that settle after a jump or, last, without one."""
+def _courses_at(places: Vector, blocks: int) -> Iterator[Matrix]:
+    """Yield transformed courses (P, n − 1): a jump, and those that settle after a jump or, last, without one."""
     ramps, times = np.arange(blocks + 1) - places[:, None], _times_of(blocks)
     steps = np.diff(np.maximum(ramps, 0.0), axis=1)
-    decays = np.stack([decay(ramps, tau) for tau in times])
+    yield transformed(steps)
+    yield from (transformed(decay(ramps, tau)) for tau in times)
     # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
-    return transformed(np.concatenate([steps[None], decays, steps - decays[1:]]))
+    yield from (transformed(steps - decay(ramps, tau)) for tau in times[1:])
 
 
 def decay(edges: Matrix, tau: float) -> Matrix:
@@ -104,8 +109,8 @@ class _Boxes(NamedTuple):
     white noise and a random walk, both in float32."""
 
     places: Matrix
-    courses: NDArray[np.float32]
-    squares: NDArray[np.float32]
+    courses: Single
+    squares: Single
 
 
 @computed_once(1)
@@ -247,7 +252,7 @@ class Likelihood:
         values = self._minus2(self._flat[: _WALKS.size] - np.max(taken, axis=1), self.grid.logs[: _WALKS.size])
         rows = np.arange(len(values))
         best = places[np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)]
-        values = self.with_one(_courses_at(best, blocks)[shapes][rows, rows]).values
+        values = self.with_one(np.stack(list(_courses_at(best, blocks)))[shapes][rows, rows]).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         gain, times = float(np.min(self.without().values) - values[model, shape]), _times_of(blocks)
         time = np.concatenate([[0.0], times, times[1:]])[shapes][shape]
@@ -271,7 +276,7 @@ class Likelihood:
         begin, end = places.tolist()
         return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
 
-    def _taken(self, courses: NDArray[np.float32], squares: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _taken(self, courses: Single, squares: Single) -> NDArray[np.float64]:
         """Return the part of Σ z²/λ that each course explains in models of white noise and a walk."""
         scale = max(float(np.max(np.abs(self.z))), _LEAST)  # float32 has a small range
         weighted = (self.grid.weights[: _WALKS.size] * (self.z / scale)).astype(np.float32)
