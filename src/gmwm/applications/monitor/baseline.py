@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
+from gmwm.base import _core
 from gmwm.base.arrays import FrozenArrays, Vector, as_rate, runs_of
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
@@ -193,18 +194,9 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
     """Return mean squares of standardised Haar coefficients of m block sums each, in blocks within segments."""
-    long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
-    if not long:
-        return np.zeros(0)
-    sizes = np.array([part.size for part in long])
-    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (charts.BLOCKS_OF_LEVEL * m)
     length = charts.BLOCKS_OF_LEVEL * m
-    first = np.repeat(starts - length * (np.cumsum(counts) - counts), counts) + length * np.arange(np.sum(counts))
-    if not first.size:
-        return np.zeros(0)
-    squares = charts.differences(np.concatenate(long), m)
-    squares *= squares
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1) / 2.0**level)
+    blocks = [_core.block_mean_squares(part, m, length) for part in segments if part.size >= length]
+    return np.concatenate([np.zeros(0), *blocks]) / 2.0**level
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:
