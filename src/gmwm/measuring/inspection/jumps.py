@@ -16,7 +16,7 @@ from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, se
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import EXTRA, FEWEST, TrendTest, best_swing, longest_means
-from gmwm.measuring.inspection.wander import Change, Likelihood, decay
+from gmwm.measuring.inspection.wander import Change, Likelihood, decay, transformed
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -152,7 +152,7 @@ def _jumps_in(means: Vector) -> list[_Jump]:
     boxes = _boxes_in(means)
     if jumps and boxes:
         places = [jump.place for jump in jumps]
-        value = likelihood.with_all(likelihood.transform(_courses(places, means.size)))
+        value = likelihood.with_all(transformed(_courses(places, means.size)))
         gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
         jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
     groups = [] if jumps else [*_together(means), *boxes]
@@ -187,7 +187,7 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
         return []
     rival = best_swing(likelihood).gain
     if jumps:
-        courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
+        courses = transformed(_courses([jump.place for jump in jumps], means.size))
         together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
         rival = max(rival, together - _CLEAR.together * (len(jumps) - 1))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
@@ -208,7 +208,7 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
         until = None if gain < clearest else min(place + 4 * tau, float(means.size))
         settlings.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
         y = means - sizes @ courses
-    _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
+    _, sizes, basis = np.linalg.svd(transformed(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
     without_courses, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
     # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
@@ -230,10 +230,10 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
                 courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
-                value = likelihood.with_all(likelihood.transform(courses))
+                value = likelihood.with_all(transformed(courses))
                 # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
                 fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
-        base, (value, until) = likelihood.with_all(likelihood.transform(_courses(places, means.size))), min(fits)
+        base, (value, until) = likelihood.with_all(transformed(_courses(places, means.size))), min(fits)
         if value < base and until:
             until = min(max(until, places[chain[-1]] + 1), means.size)
             for k in chain:
@@ -294,7 +294,7 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
         places = [means.size]
         for of_end in reversed(before):
             places.insert(0, int(of_end[places[0]]))
-        courses = likelihood.transform(_courses(places[:-1], means.size))
+        courses = transformed(_courses(places[:-1], means.size))
         groups.append((list(map(float, places[:-1])), without - likelihood.with_all(courses, alone=True)))
     return groups
 
@@ -312,7 +312,7 @@ def _boxes_in(means: Vector) -> list[tuple[list[float], float]]:
     if not places:
         return []
     gains = float(np.min(likelihood.without().values)) - likelihood.with_first(
-        likelihood.transform(_courses(places, means.size))
+        transformed(_courses(places, means.size))
     )
     return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
 
@@ -324,7 +324,7 @@ def _courses(places: Sequence[float], size: int) -> Matrix:
 
 def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
     """Return the sizes of jumps together, with the square roots of the weights of the noise."""
-    weighted = (likelihood.transform(courses) * root).T
+    weighted = (transformed(courses) * root).T
     return np.asarray(np.linalg.lstsq(weighted, likelihood.z * root, rcond=None)[0], dtype=np.float64)
 
 
@@ -333,7 +333,7 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
     at, fits = np.arange(root.size + 1), []
     for block in (math.ceil(place) - 1, math.floor(place)):
         edges = np.clip(at + 1 - np.array([[block], [block + 1]]), 0.0, 1.0)
-        courses = (likelihood.transform(edges) * root).T
+        courses = (transformed(edges) * root).T
         sizes = np.linalg.lstsq(courses, likelihood.z * root, rcond=None)[0]
         share = float(np.clip(sizes[1] / np.sum(sizes), 0.0, 1.0)) if np.sum(sizes) else 0.5
         residual = float(np.sum((courses @ sizes - likelihood.z * root) ** 2))
@@ -344,6 +344,6 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
 def _raising(means: Vector, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
-    courses = likelihood.transform(courses)
+    courses = transformed(courses)
     (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

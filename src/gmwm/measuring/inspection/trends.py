@@ -167,7 +167,7 @@ class TrendTest:
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
             decay = np.exp(-at / self.tau)
-            courses = likelihood.transform(np.vstack([decay, at / self.tau * decay]))
+            courses = transformed(np.vstack([decay, at / self.tau * decay]))
         walk, with_trend = (likelihood.walk(of, alone=True)[0] for of in (courses, courses[:0]))
         return walk, likelihood.walk(courses)[1], with_trend
 
@@ -342,7 +342,7 @@ def _fit_of(likelihood: Likelihood, periods: Vector) -> SwingFit:
     """Return the fit of sinusoids of these numbers of periods together."""
     size = likelihood.z.size + 1
     at = 2 * np.pi * np.outer(periods, np.arange(size) + 0.5) / size
-    courses = likelihood.transform(np.vstack([np.cos(at), np.sin(at)]))
+    courses = transformed(np.vstack([np.cos(at), np.sin(at)]))
     without = likelihood.without().values
     gain = float(np.min(without)) - likelihood.with_all(courses)
     return SwingFit(gain, float(periods[0]), courses, int(np.argmin(without)))

@@ -207,10 +207,6 @@ class Likelihood:
         self.z = self.grid.transform @ np.diff(means)
         self._flat = self.grid.weights @ self.z**2
 
-    def transform(self, courses: Matrix) -> Matrix:
-        """Return the transformed differences of courses (C, n), with one course in each row."""
-        return transformed(courses)
-
     def without(self) -> CourseProfile:
         """Return the profile likelihood without a course."""
         return self._profile(self._flat[:, None])
