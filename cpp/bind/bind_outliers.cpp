@@ -31,6 +31,26 @@ std::tuple<Output<std::int64_t>, Result, Result, double> large_coefficients(cons
   return {to_numpy(std::move(found.at)), to_numpy(std::move(found.w)), to_numpy(std::move(found.spread)), found.energy};
 }
 
+Result row_medians(const Matrix& rows) {
+  if (rows.size() == 0) throw nb::value_error("rows must have values");
+  std::vector<double> medians;
+  {
+    const nb::gil_scoped_release release;
+    medians = gmwm::row_medians(view(rows), rows.shape(1));
+  }
+  return to_numpy(std::move(medians));
+}
+
+Output<std::int64_t> uneven_rows(const Matrix& rows, double step, double times) {
+  if (rows.size() == 0) throw nb::value_error("rows must have values");
+  std::vector<std::int64_t> found;
+  {
+    const nb::gil_scoped_release release;
+    found = gmwm::uneven_rows(view(rows), rows.shape(1), step, times);
+  }
+  return to_numpy(std::move(found));
+}
+
 Result neighbour_residuals(const Vector& x, const Vector& others, const Indices& at, std::size_t reach) {
   const std::size_t n = x.size();
   if (others.size() != n || reach == 0 || n == 0 || reach > (n - 1) / 2)
@@ -62,6 +82,10 @@ void bind_outliers(nb::module_& m) {
   m.def("large_coefficients", &large_coefficients, "path"_a.noconvert(), "scale"_a, "piece"_a, "least"_a, "limit"_a,
         "Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` "
         "local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.");
+  m.def("row_medians", &row_medians, "rows"_a.noconvert(), "Return the median of each row of finite values.");
+  m.def("uneven_rows", &uneven_rows, "rows"_a.noconvert(), "step"_a, "times"_a,
+        "Return the indices of the rows that can have a value further from their median than `times` spreads: the "
+        "smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2.");
   m.def("neighbour_residuals", &neighbour_residuals, "x"_a.noconvert(), "others"_a.noconvert(), "at"_a.noconvert(),
         "reach"_a, "Return the samples x[at] minus the median of their neighbours in `others`, `reach` on each side.");
   m.def("bent_samples", &bent_samples, "x"_a.noconvert(), "limits"_a.noconvert(), "length"_a,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "gmwm/buffer.hpp"
 #include "gmwm/clones.hpp"
@@ -93,9 +94,112 @@ double median_of_six(double a, double b, double c, double d, double e, double f)
   return (low + high) / 2;
 }
 
+// Sum, smallest and largest of n values.
+GMWM_INLINE void range_inline(const double* x, std::size_t n, double* out) {
+  constexpr std::size_t lanes = 16;
+  double sum[lanes] = {}, low[lanes], high[lanes];
+  for (std::size_t k = 0; k < lanes; ++k) low[k] = high[k] = x[0];
+  std::size_t i = 0;
+  for (; i + lanes <= n; i += lanes)
+    for (std::size_t k = 0; k < lanes; ++k) {
+      sum[k] += x[i + k];
+      low[k] = x[i + k] < low[k] ? x[i + k] : low[k];
+      high[k] = x[i + k] > high[k] ? x[i + k] : high[k];
+    }
+  for (; i < n; ++i) {
+    sum[0] += x[i];
+    low[0] = std::min(low[0], x[i]);
+    high[0] = std::max(high[0], x[i]);
+  }
+  out[0] = 0.0;
+  for (const double part : sum) out[0] += part;
+  out[1] = *std::min_element(low, low + lanes);
+  out[2] = *std::max_element(high, high + lanes);
+}
+constexpr Clones<range_inline> range{};
+
+// Σ (x - mean)².
+GMWM_INLINE void about_inline(const double* x, std::size_t n, double mean, double* squares) {
+  constexpr std::size_t lanes = 16;
+  double sum[lanes] = {};
+  std::size_t i = 0;
+  for (; i + lanes <= n; i += lanes)
+    for (std::size_t k = 0; k < lanes; ++k) sum[k] += (x[i + k] - mean) * (x[i + k] - mean);
+  for (; i < n; ++i) sum[0] += (x[i] - mean) * (x[i] - mean);
+  *squares = 0.0;
+  for (const double part : sum) *squares += part;
+}
+constexpr Clones<about_inline> squares_about{};
+
+// The number of values from `low` to `high`.
+GMWM_INLINE std::size_t inside_inline(const double* x, std::size_t n, double low, double high) {
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) count += (x[i] >= low) & (x[i] <= high);
+  return static_cast<std::size_t>(count);
+}
+constexpr Clones<inside_inline> count_inside{};
+
+bool may_be_uneven(const double* x, std::size_t n, double step, double times) {
+  double of[3], squares;
+  range(x, n, of);
+  const double mean = of[0] / static_cast<double>(n), infinity = std::numeric_limits<double>::infinity();
+  squares_about(x, n, mean, &squares);
+  const double deviation = std::sqrt(squares / static_cast<double>(n));
+  // The median of rounded values is up to half a step from that of the noise.
+  const double margin = 0.1 * deviation + step / 2;
+  // More than half of the values on each side of an interval: both middle ones are in it.
+  if (count_inside(x, n, -infinity, mean + margin) <= n / 2 || count_inside(x, n, mean - margin, infinity) <= n / 2)
+    return true;
+  // The largest distance from the median, with more than the rounding error of all these numbers.
+  const double distance = (std::max(of[2] - mean, mean - of[1]) + margin) * (1.0 + 1e-6) / times;
+  if (distance <= step / 2) return false;
+  if (distance > deviation) return true;
+  // At least half of the values must be so far from the median.
+  const double far = quartile * (distance - step);
+  return far > 0.0 && count_inside(x, n, mean - margin - far, mean + margin + far) >= n / 2;
+}
+
 }  // namespace
 
 double median(std::span<double> values) { return middle(values, 0, values.size()); }
+
+std::vector<double> row_medians(std::span<const double> x, std::size_t length) {
+  std::vector<double> medians, scratch(length + 1);
+  medians.reserve(x.size() / length);
+  // Ranks on each side of the median in whose values the next median is expected: four standard deviations in noise.
+  const auto reach = static_cast<std::size_t>(3.0 * std::sqrt(static_cast<double>(length)));
+  const bool guesses = reach < length / 4;
+  double before = 0.0, after = -1.0;  // no interval yet
+  for (std::size_t k = 0; k + length <= x.size(); k += length) {
+    if (before <= after) {
+      std::size_t counts[2];
+      // Just below the lower end, so that values at it are inside.
+      const double low = std::nextafter(medians.back() - before, -std::numeric_limits<double>::infinity());
+      split(x.data() + k, length, low, medians.back() + after, scratch.data(), counts);
+      if (counts[0] + 1 <= length / 2 && counts[0] + counts[1] > length / 2) {
+        medians.push_back(middle(std::span{scratch}.first(counts[1]), counts[0], length));
+        continue;
+      }
+    }
+    std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(k), length, scratch.begin());
+    medians.push_back(middle(std::span{scratch}.first(length), 0, length));
+    if (!guesses) continue;
+    const auto first = scratch.begin(), centre = first + static_cast<std::ptrdiff_t>(length / 2);
+    const auto low = centre - static_cast<std::ptrdiff_t>(reach), high = centre + static_cast<std::ptrdiff_t>(reach);
+    std::nth_element(first, low, centre);
+    std::nth_element(centre, high, first + static_cast<std::ptrdiff_t>(length));
+    before = medians.back() - *low;
+    after = *high - medians.back();
+  }
+  return medians;
+}
+
+std::vector<std::int64_t> uneven_rows(std::span<const double> x, std::size_t length, double step, double times) {
+  std::vector<std::int64_t> rows;
+  for (std::size_t k = 0; (k + 1) * length <= x.size(); ++k)
+    if (may_be_uneven(x.data() + k * length, length, step, times)) rows.push_back(static_cast<std::int64_t>(k));
+  return rows;
+}
 
 LargeCoefficients large_coefficients(std::span<const double> path, double scale, std::size_t piece, double least,
                                      double limit) {

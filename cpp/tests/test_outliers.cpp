@@ -40,6 +40,58 @@ void medians_are_those_of_sorted_values() {
   }
 }
 
+void row_medians_are_those_of_sorted_rows() {
+  for (const std::size_t length : {1u, 2u, 8u, 100u, 301u, 1000u})
+    for (const double step : {0.0, 0.3}) {
+      Values x = white(20 * length, 0.4);
+      // A jump, so that the interval of the rows before has no median.
+      for (std::size_t i = 10 * length; i < x.size(); ++i) x[i] += 3.0;
+      if (step > 0.0)
+        for (double& v : x) v = step * std::round(v / step);
+      const Values found = gmwm::row_medians(x, length);
+      CHECK(found.size() == 20);
+      for (std::size_t k = 0; k < found.size(); ++k)
+        CHECK(found[k] == sorted_median({x.begin() + static_cast<std::ptrdiff_t>(k * length),
+                                         x.begin() + static_cast<std::ptrdiff_t>((k + 1) * length)}));
+    }
+}
+
+// The distance of a value from the median of its row over the spread of the row.
+double largest_ratio(const Values& row, double step) {
+  const double centre = sorted_median(row), n = static_cast<double>(row.size());
+  double mean = 0.0, squares = 0.0, largest = 0.0;
+  for (const double v : row) mean += v / n;
+  Values distance;
+  for (const double v : row) {
+    squares += (v - mean) * (v - mean) / n;
+    distance.push_back(std::abs(v - centre));
+    largest = std::max(largest, distance.back());
+  }
+  const double spread = std::max(std::min(std::sqrt(squares), sorted_median(distance) / 0.67449 + step), step / 2);
+  return spread > 0.0 ? largest / spread : 0.0;
+}
+
+void rows_with_outliers_are_uneven() {
+  constexpr std::size_t length = 500, rows = 200;
+  constexpr double times = 8.0;
+  for (const double tail : {0.0, 0.3, 0.6})
+    for (const double step : {0.0, 0.05, 0.5}) {
+      Values x = white(rows * length, tail);
+      for (std::size_t i = 0; i < x.size(); i += 40 * length + 7) x[i] = 40.0;
+      if (step > 0.0)
+        for (double& v : x) v = step * std::round(v / step);
+      const std::vector<std::int64_t> found = gmwm::uneven_rows(x, length, step, times);
+      const std::set<std::int64_t> uneven(found.begin(), found.end());
+      for (std::size_t k = 0; k < rows; ++k) {
+        const Values row(x.begin() + static_cast<std::ptrdiff_t>(k * length),
+                         x.begin() + static_cast<std::ptrdiff_t>((k + 1) * length));
+        if (largest_ratio(row, step) > times) CHECK(uneven.count(static_cast<std::int64_t>(k)) == 1);
+      }
+      // Short tails have no others.
+      if (tail == 0.0) CHECK(found.size() == 5);
+    }
+}
+
 void large_coefficients_are_their_definition() {
   constexpr double quartile = 0.6744897501960817, scale = 0.25, limit = 3.5;
   for (const std::size_t n : {3u, 70u, 130u, 5000u, 40000u})
@@ -119,6 +171,8 @@ void bent_samples_are_their_definition() {
 int main() {
   return check::at_each_level("outliers", [] {
     medians_are_those_of_sorted_values();
+    row_medians_are_those_of_sorted_rows();
+    rows_with_outliers_are_uneven();
     large_coefficients_are_their_definition();
     nothing_is_large_without_a_spread();
     residuals_are_their_definition();

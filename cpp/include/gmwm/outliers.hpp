@@ -11,6 +11,14 @@ namespace gmwm {
 // Median of n > 0 finite values; the mean of the two middle values if n is even. The values are reordered.
 double median(std::span<double> values);
 
+// Median of each of the rows of `length` values. It is fast if neighbouring rows have nearly the same median.
+std::vector<double> row_medians(std::span<const double> x, std::size_t length);
+
+// Indices of the rows of `length` values that can have a value further from their median than `times` spreads: the
+// smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2. Bounds of the
+// median leave out the others, nearly all rows of noise without outliers.
+std::vector<std::int64_t> uneven_rows(std::span<const double> x, std::size_t length, double step, double times);
+
 // Coefficients w_i = scale (p[i + 2] - 2 p[i + 1] + p[i]) of a path that exceed `limit` local standard deviations.
 struct LargeCoefficients {
   std::vector<std::int64_t> at;

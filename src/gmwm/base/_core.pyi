@@ -333,14 +333,27 @@ def chebyshev(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None, 
 def second_order_sections(sections: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], state: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
     """Filter x in place by second-order sections, and update their state."""
 
-def least_squares_innovations(responses: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], unknown: float, information: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], moments: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], e: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+def subtract_initial_state(responses: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], unknown: float, negligible: float, power: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], information: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], moments: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], count: int, e: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], int]:
     """
-    Standardise innovations e in place, without the effect of an initial state that recursive least squares estimates; update its information and moments.
+    Standardise innovations e in place, without the effect of an initial state that recursive least squares estimates. Return its power, information and moments as vectors, and the number of samples so far.
+    """
+
+def block_mean_squares(sums: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], m: int, length: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Return the mean squares of Haar coefficients of m sums in blocks of `length` coefficients.
     """
 
 def large_coefficients(path: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: float, piece: int, least: float, limit: float) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
     """
     Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.
+    """
+
+def row_medians(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Return the median of each row of finite values."""
+
+def uneven_rows(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, times: float) -> Annotated[NDArray[numpy.int64], dict(shape=(None,))]:
+    """
+    Return the indices of the rows that can have a value further from their median than `times` spreads: the smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2.
     """
 
 def neighbour_residuals(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], others: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], at: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], reach: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from gmwm.applications.monitor import charts
 from gmwm.applications.monitor.whitening import Finite, Gain, Whitener
-from gmwm.base.arrays import FrozenArrays, Vector, as_rate
+from gmwm.base import _core
+from gmwm.base.arrays import FrozenArrays, Vector, as_rate, runs_of
 from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError, ModelError, OptionError, ReadError
 from gmwm.base.remarks import Remark
@@ -147,10 +148,11 @@ class Baseline(FrozenArrays):
 
 def longest_run(segments: Sequence[Vector]) -> int:
     """Return the length of the longest run of equal values within a segment."""
+    sizes = [part.size for part in segments if part.size]
     values = np.concatenate([np.zeros(0), *segments])
-    is_last = np.diff(values, append=np.nan) != 0
-    is_last[np.cumsum([part.size for part in segments if part.size], dtype=np.int64) - 1] = True
-    return int(np.max(np.diff(np.flatnonzero(is_last), prepend=-1), initial=0))
+    equal = values[1:] == values[:-1]
+    equal[np.cumsum(sizes[:-1], dtype=np.int64) - 1] = False  # the last sample of a segment, and the first of the next
+    return int(np.max(np.diff(runs_of(equal)), initial=0)) + 1 if sizes else 0
 
 
 class _BlockSums:
@@ -192,17 +194,9 @@ def _shapes(blocks: Vector) -> Iterator[float]:
 
 def _blocks(segments: Sequence[Vector], m: int, level: int) -> Vector:
     """Return mean squares of standardised Haar coefficients of m block sums each, in blocks within segments."""
-    long = [part for part in segments if part.size >= charts.BLOCKS_OF_LEVEL * m]
-    if not long:
-        return np.zeros(0)
-    sizes = np.array([part.size for part in long])
-    starts, counts = np.cumsum(sizes) - sizes, (sizes - m + 1) // (charts.BLOCKS_OF_LEVEL * m)
     length = charts.BLOCKS_OF_LEVEL * m
-    first = np.repeat(starts - length * (np.cumsum(counts) - counts), counts) + length * np.arange(np.sum(counts))
-    if not first.size:
-        return np.zeros(0)
-    squares = np.square(charts.differences(np.concatenate(long), m)) / 2.0**level
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(squares, length)[first].mean(axis=1))
+    blocks = [_core.block_mean_squares(part, m, length) for part in segments if part.size >= length]
+    return np.concatenate([np.zeros(0), *blocks]) / 2.0**level
 
 
 def _block_means(sums: _BlockSums) -> tuple[float, ...]:

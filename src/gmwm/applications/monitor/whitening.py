@@ -169,12 +169,12 @@ class Gain:
 
     @cached_property
     def responses(self) -> Matrix:
-        """Responses H Φⁱ/√S (FRAME, p) of standardised innovations to the initial state, for i = 0 … FRAME − 1."""
+        """Responses H Φⁱ/√S (p, FRAME) of standardised innovations to the initial state, for i = 0 … FRAME − 1."""
         rows = np.empty((FRAME_SAMPLES, self.H.size))
         rows[0] = self.H / math.sqrt(self.S)
         for k in range(1, FRAME_SAMPLES):
             rows[k] = rows[k - 1] @ self.phi
-        return rows
+        return np.ascontiguousarray(rows.T)
 
     @cached_property
     def frame_step(self) -> Matrix:
@@ -272,8 +272,6 @@ class Whitener:
         self.power = np.ascontiguousarray(start)  # Φ^(FRAME k) B for the present frame k
         self.information = np.diag([DIFFUSE_INFORMATION] * diffuse + [1.0] * (m - diffuse)) if m else np.zeros((0, 0))
         self.moments = np.zeros(m)
-        self._rows: Matrix | None = None
-        self._peaks = np.zeros(0)
 
     def update(self, x: Vector) -> Vector:
         """Return the standardised innovations (n,) of the next samples (n,), which are in the unit of the model."""
@@ -289,55 +287,16 @@ class Whitener:
         self.sections = self.sections.copy()
         _core.second_order_sections(self.gain.sections, self.sections, out)
         out /= math.sqrt(self.gain.S)
-        at = 0
-        while self.columns and at < out.size:
-            n = min(out.size - at, FRAME_SAMPLES - self.count % FRAME_SAMPLES)
-            self._correct(out[at : at + n])
-            at += n
+        if self.columns:
+            power, information, self.moments, self.count = _core.subtract_initial_state(
+                # The sample that first determines a diffuse level has an innovation of infinite variance, which is not
+                # used. A mean square of 1e-6 is 1/60 of the variance in a mean of 2^14 samples.
+                self.gain.responses, self.gain.frame_step, 1e-3 / DIFFUSE_INFORMATION, 1e-6, self.power,
+                self.information, self.moments, self.count, out
+            )  # fmt: skip
+            m = self.columns = self.moments.size
+            self.power, self.information = power.reshape(self.gain.H.size, m), information.reshape(m, m)
         return out
-
-    def _correct(self, e: Vector) -> None:
-        """Subtract the contribution of the initial state from innovations within a frame, in place."""
-        rows, first = self._frame(), self.count % FRAME_SAMPLES
-        self.information, self.moments = self.information.copy(), self.moments.copy()
-        # The sample that first determines a diffuse level has an innovation of infinite variance, which is not used.
-        _core.least_squares_innovations(
-            rows[first : first + e.size], 1e-3 / DIFFUSE_INFORMATION, self.information, self.moments, e
-        )
-        self.count += e.size
-        if self.count % FRAME_SAMPLES == 0:
-            self._next_frame()
-
-    def _next_frame(self) -> None:
-        power = self.gain.frame_step @ self.power
-        # The effect of a constant level is soon the same in every frame.
-        if not np.array_equal(power, self.power):
-            self.power, self._rows = power, None
-        self._frame()
-        # Components of the initial state whose effect has decayed are integrated out.
-        covariance = np.linalg.inv(self.information) if self.columns > 1 else 1 / self.information
-        mean = covariance @ self.moments
-        # The effect of a constant level never decays, even if the level is well determined.
-        size = self._peaks * (covariance.diagonal() + mean**2)
-        mask = size > 1e-6  # 1/60 of the variance in a mean of 2^14 samples
-        if mask.all():
-            return
-        self.columns = int(np.count_nonzero(mask))
-        part = covariance[np.ix_(mask, mask)]
-        self.information = np.linalg.inv(part) if self.columns else np.zeros((0, 0))
-        self.moments = self.information @ mean[mask]
-        # A fixed memory layout is needed, because the order of sums in matrix products depends on it.
-        self.power, self._rows = np.ascontiguousarray(self.power[:, mask]), None
-
-    def _frame(self) -> Matrix:
-        """Return the responses (FRAME, m) of the innovations of this frame to the components of the initial state."""
-        if self._rows is None:
-            # Larger products would start BLAS threads, which is slower here.
-            rows = max((1 << 17) // max(self.power.size, 1), 1)
-            parts = [self.gain.responses[k : k + rows] @ self.power for k in range(0, FRAME_SAMPLES, rows)]
-            self._rows = np.concatenate(parts)
-            self._peaks = np.max(self._rows**2, axis=0)
-        return self._rows
 
     def gap(self, samples: int | None) -> bool:
         """Continue after missing samples, None if their number is unknown; return whether the level is still known."""
@@ -376,4 +335,3 @@ class Whitener:
         self.moments = numbers(state["moments"]).reshape(m)
         if np.any(np.linalg.eigvalsh(self.information) <= 0):
             raise ValueError("the information of the filter must be positive definite")
-        self._rows = None

@@ -24,10 +24,11 @@ from gmwm.measuring.covariance import gaussian, nodes
 from gmwm.measuring.covariance.api import covariance
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.segments import pooled
-from gmwm.measuring.variance.api import wavelet_variance
+from gmwm.measuring.variance.api import variances_alone, wavelet_variance
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.signals import Imu, Signal
+from gmwm.theory.filters import HAAR
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.model import Model
 
@@ -161,12 +162,13 @@ def product_moment(
 ) -> Vector:  # fmt: skip
     """Return the cross-covariance γ̂_j (J,) of a pair of signals, from the variance of their sum and difference."""
     a, b = pair
-    robust = singles[a].robust
     curves = []
-    for sign in (1.0, -1.0) if robust else (1.0,):
+    for sign in (1.0, -1.0) if singles[a].robust else (1.0,):
         values = unit[a] * signals[a].values + sign * unit[b] * signals[b].values
-        both = replace(signals[a], values=values)
-        curves.append(measure(both, robust, singles[a].efficiency or 0.6).variance)
+        segments = [values[first:last] for first, last in signals[a].segments]
+        curves.append(
+            variances_alone(segments, HAAR, "modwt", levels=len(singles[a]), efficiency=singles[a].efficiency)
+        )
     return moment_of(curves, singles, unit, pair=pair)
 
 

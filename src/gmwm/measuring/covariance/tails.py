@@ -70,7 +70,7 @@ class TailSums:
         self._number = np.zeros((sizes, LIMITS.most_levels))
         self._sum = np.zeros((sizes, LIMITS.most_levels))
         self._product = np.zeros((sizes, LIMITS.most_levels, LIMITS.most_levels))
-        self._largest, self._pairs, self._powers = list[Vector](), 0, np.zeros(2)
+        self._largest, self._pairs, self._powers = [np.zeros(1)], 0, np.zeros(2)
         self._power: dict[int, tuple[float, Vector]] = {}
 
     def update(self, values: Vector) -> None:
@@ -121,7 +121,7 @@ class TailSums:
         """Return the upper limit of the tails' index by Hill's estimate, infinite if no power law describes them, and
         the relative standard error of the variance due to tails beyond those seen: half the logarithm of the variance
         with a Pareto tail of the lower limit (Peng 2001, Estimating the mean of a heavy tailed distribution)."""
-        largest = -np.sort(-np.concatenate(self._largest))[: int(LIMITS.tail * self._pairs)]
+        largest = -np.sort(-np.concatenate(self._largest[1:]))[: int(LIMITS.tail * self._pairs)]
         if largest.size < LIMITS.least_in_tail:
             return np.inf, 0.0
         number, logs = np.arange(1, largest.size + 1), np.log(largest)
@@ -157,7 +157,10 @@ class TailSums:
         # Differences of pairs have the tails of the samples, and hardly any slow noise.
         pairs = np.abs(panel[1::2] - panel[: panel.size // 2 * 2 : 2])
         most = int(2 * LIMITS.tail * pairs.size) + 1  # panels share them unequally
-        self._largest.append(np.partition(pairs, -most)[-most:].copy())  # a view would keep all pairs
+        # Hardly any pair is near the smallest of the panel before, unless this panel is quieter.
+        high = pairs[pairs > 0.8 * self._largest[-1][0]]
+        high = high if high.size >= most else pairs
+        self._largest.append(np.partition(high, -most)[-most:].copy())  # a view would keep all pairs
         self._pairs += pairs.size
         pairs *= pairs
         self._powers += pairs.sum(), pairs @ pairs

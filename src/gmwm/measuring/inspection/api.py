@@ -171,7 +171,7 @@ class FirstPass:
                 recording.rate, self._segments.ranges, self._segments.starts, base.left,
                 gaps_known=self._segments.gaps_known,
             ),
-            resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
+            resolutions=in_threads(lambda _, sample: step_of(sample.values()), self._samples),
             values=self._batches.values, temperature=self._temperature,
             ends=self._ends,
         )  # fmt: skip
@@ -203,7 +203,7 @@ class RecordingStatistics:
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
         """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
-        axes = {axis: self._axis(axis, sums) for axis, sums in statistics.items()}
+        axes = in_threads(self._axis, statistics)
         parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
         stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
         saturations = tuple(
@@ -223,7 +223,8 @@ class RecordingStatistics:
         # A clipped axis minus a jump would not look clipped.
         steps = () if parts else self._steps({axis: of_axis for axis, of_axis in means.items() if axis in moving})
         calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
-        trends = tuple(trend for axis, of in calm.items() if (trend := trend_of(axis, of, extent)) is not None)
+        of_axes = in_threads(lambda axis, of_axis: trend_of(axis, of_axis, extent), calm)
+        trends = tuple(trend for trend in of_axes.values() if trend is not None)
         steady = set(calm).difference(trend.axis for trend in trends)
         found = in_threads(
             lambda axis, of_axis: swing_of(axis, of_axis, extent, self._reader(axis)),

@@ -16,7 +16,7 @@ from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, se
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import EXTRA, FEWEST, TrendTest, best_swing, longest_means
-from gmwm.measuring.inspection.wander import Change, Likelihood, decay
+from gmwm.measuring.inspection.wander import Change, Likelihood, decay, transformed
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -146,12 +146,13 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
 
 def _jumps_in(means: Vector) -> list[_Jump]:
     """Return the jumps in block means."""
-    clearest = Likelihood(means).best_change(_FIRST)
+    likelihood = Likelihood(means)
+    clearest = likelihood.best_change(_FIRST)
     jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
     boxes = _boxes_in(means)
     if jumps and boxes:
-        likelihood, places = Likelihood(means), [jump.place for jump in jumps]
-        value = likelihood.with_all(likelihood.transform(_courses(places, means.size)))
+        places = [jump.place for jump in jumps]
+        value = likelihood.with_all(transformed(_courses(places, means.size)))
         gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
         jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
     groups = [] if jumps else [*_together(means), *boxes]
@@ -166,7 +167,7 @@ def _jumps_in(means: Vector) -> list[_Jump]:
             limits = _SHORT_BOXES
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
-        if max(TrendTest(means).statistic, best_swing(Likelihood(means)).gain) < gain + margin:
+        if best_swing(likelihood).gain < gain + margin and TrendTest(means).statistic < gain + margin:
             jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
     jumps = _with_settling(means, sorted(jumps))
     # Several possible jumps can look like a settling.
@@ -184,14 +185,15 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
     gain = likelihood.best_change(_FIRST, settles=True)[0]
     if gain < _CLEAR.gain + EXTRA:
         return []
-    rival, trend = best_swing(likelihood).gain, TrendTest(means)
+    rival = best_swing(likelihood).gain
     if jumps:
-        courses = likelihood.transform(_courses([jump.place for jump in jumps], means.size))
+        courses = transformed(_courses([jump.place for jump in jumps], means.size))
         together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
         rival = max(rival, together - _CLEAR.together * (len(jumps) - 1))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
     if gain < rival + 6.6:
         return []
+    trend = TrendTest(means)
     if trend.kind is not None and gain < trend.statistic + 6.6:
         means = means - trend.course()
     settlings, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
@@ -206,7 +208,7 @@ def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> lis
         until = None if gain < clearest else min(place + 4 * tau, float(means.size))
         settlings.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
         y = means - sizes @ courses
-    _, sizes, basis = np.linalg.svd(likelihood.transform(courses), full_matrices=False)
+    _, sizes, basis = np.linalg.svd(transformed(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
     without_courses, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
     # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
@@ -228,10 +230,10 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
                 courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
-                value = likelihood.with_all(likelihood.transform(courses))
+                value = likelihood.with_all(transformed(courses))
                 # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
                 fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
-        base, (value, until) = likelihood.with_all(likelihood.transform(_courses(places, means.size))), min(fits)
+        base, (value, until) = likelihood.with_all(transformed(_courses(places, means.size))), min(fits)
         if value < base and until:
             until = min(max(until, places[chain[-1]] + 1), means.size)
             for k in chain:
@@ -255,7 +257,8 @@ def _one_by_one(
         gain, place, _, weights = likelihood.best_change(_FIRST) if places else clearest
         if (
             gain < (limits.more if places else limits.gain)
-            or max(TrendTest(y).statistic, best_swing(likelihood).gain) >= gain
+            or best_swing(likelihood).gain >= gain
+            or TrendTest(y).statistic >= gain
         ):
             break
         root = np.sqrt(weights)
@@ -291,7 +294,7 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
         places = [means.size]
         for of_end in reversed(before):
             places.insert(0, int(of_end[places[0]]))
-        courses = likelihood.transform(_courses(places[:-1], means.size))
+        courses = transformed(_courses(places[:-1], means.size))
         groups.append((list(map(float, places[:-1])), without - likelihood.with_all(courses, alone=True)))
     return groups
 
@@ -309,7 +312,7 @@ def _boxes_in(means: Vector) -> list[tuple[list[float], float]]:
     if not places:
         return []
     gains = float(np.min(likelihood.without().values)) - likelihood.with_first(
-        likelihood.transform(_courses(places, means.size))
+        transformed(_courses(places, means.size))
     )
     return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
 
@@ -321,7 +324,7 @@ def _courses(places: Sequence[float], size: int) -> Matrix:
 
 def _sizes(likelihood: Likelihood, courses: Matrix, root: Vector) -> Vector:
     """Return the sizes of jumps together, with the square roots of the weights of the noise."""
-    weighted = (likelihood.transform(courses) * root).T
+    weighted = (transformed(courses) * root).T
     return np.asarray(np.linalg.lstsq(weighted, likelihood.z * root, rcond=None)[0], dtype=np.float64)
 
 
@@ -330,7 +333,7 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
     at, fits = np.arange(root.size + 1), []
     for block in (math.ceil(place) - 1, math.floor(place)):
         edges = np.clip(at + 1 - np.array([[block], [block + 1]]), 0.0, 1.0)
-        courses = (likelihood.transform(edges) * root).T
+        courses = (transformed(edges) * root).T
         sizes = np.linalg.lstsq(courses, likelihood.z * root, rcond=None)[0]
         share = float(np.clip(sizes[1] / np.sum(sizes), 0.0, 1.0)) if np.sum(sizes) else 0.5
         residual = float(np.sum((courses @ sizes - likelihood.z * root) ** 2))
@@ -341,6 +344,6 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
 def _raising(means: Vector, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
     likelihood = Likelihood(means)
-    courses = likelihood.transform(courses)
+    courses = transformed(courses)
     (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.base import _core
 from gmwm.base.arrays import Vector, row_medians
 from gmwm.measuring.inspection.time_grid import Extent
 
@@ -82,11 +83,14 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
     """Find samples far from their block's median: flat indices, and distances over the spread (≥ `resolution`/2)."""
+    # Distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
+    limit, length = 8.0, blocks.shape[1]
+    uneven = _core.uneven_rows(np.ascontiguousarray(blocks), resolution, limit)
+    blocks = blocks[uneven]
     distance = np.abs(blocks - row_medians(blocks)[:, None])
     spread = _usual_spread(blocks, distance, resolution)
-    # Distance of an outlier from the local median, in local standard deviations; by chance once in 10¹⁵ samples.
-    at = np.flatnonzero((distance > 8.0 * spread) & (spread > 0))
-    return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
+    row, at = np.nonzero((distance > limit * spread) & (spread > 0))
+    return uneven[row] * length + at, distance[row, at] / spread[row, 0]
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.threads import computed_once
 from gmwm.measuring.inspection.knocks import level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.wander import CoursePairs, CourseProfile, Likelihood, waves_of
+from gmwm.measuring.inspection.wander import CoursePairs, CourseProfile, Likelihood, grid_of, transformed, waves_of
 from gmwm.measuring.spectrum.line import Line
 from gmwm.recording.batches import BATCH_SAMPLES
 
@@ -126,7 +127,6 @@ class TrendTest:
         self._means = means
         self._likelihood = likelihood = Likelihood(means)
         self._none = likelihood.without()
-        at = (np.arange(n) + 0.5) / n
         times = np.geomspace(1.0, 1.5 * n, 18)
         decays, courses = self._decays(times)
         j = _best(decays)
@@ -136,10 +136,10 @@ class TrendTest:
         j = _best(decays)
         self.tau = float(finer[j])
         self._decay = courses[j]
-        lines = likelihood.transform(np.vstack([at, at**2]))
         self._exponential = CourseProfile(decays.values[:, [j]], decays.squares[:, [j]])
-        self._line, self._lines = likelihood.with_one(lines[:1]), lines
-        self._parabola = likelihood.with_pairs(CoursePairs.of(likelihood.grid.weights, lines[:1], lines[1:]))
+        lines = _lines_of(n)
+        self._line, self._lines = likelihood.with_one(lines.first, lines.squares[0]), np.vstack(lines[:2])
+        self._parabola = likelihood.with_pairs(lines)
         base = np.min(self._none.values)
         gains: dict[Kind, float] = {
             "exponential": float(base - np.min(self._exponential.values)) - EXTRA,
@@ -167,7 +167,7 @@ class TrendTest:
         courses = self._lines if self.kind == "quadratic" else self._lines[:1]
         if self.kind == "exponential":
             decay = np.exp(-at / self.tau)
-            courses = likelihood.transform(np.vstack([decay, at / self.tau * decay]))
+            courses = transformed(np.vstack([decay, at / self.tau * decay]))
         walk, with_trend = (likelihood.walk(of, alone=True)[0] for of in (courses, courses[:0]))
         return walk, likelihood.walk(courses)[1], with_trend
 
@@ -206,9 +206,23 @@ class TrendTest:
 
     def _decays(self, times: Vector) -> tuple[CourseProfile, Matrix]:
         """Return the profile likelihoods with an exponential of each time constant, and the exponentials."""
-        at = np.arange(self._means.size) + 0.5
-        courses = self._likelihood.transform(np.exp(-at / times[:, None]))
-        return self._likelihood.with_one(courses), courses
+        courses, squares = _decays_of(self._means.size, tuple(times.tolist()))
+        return self._likelihood.with_one(courses, squares), courses
+
+
+@computed_once(20)
+def _decays_of(blocks: int, times: tuple[float, ...]) -> tuple[Matrix, Matrix]:
+    """Return transformed exponentials of these time constants, the same for all axes, and Σ c²/λ of each."""
+    courses = transformed(np.exp(-(np.arange(blocks) + 0.5) / np.array(times)[:, None]))
+    return courses, grid_of(blocks).weights @ (courses**2).T
+
+
+@computed_once(2)
+def _lines_of(blocks: int) -> CoursePairs:
+    """Return a transformed line and parabola, from 0 to 1."""
+    at = (np.arange(blocks) + 0.5) / blocks
+    lines = transformed(np.vstack([at, at**2]))
+    return CoursePairs.of(grid_of(blocks).weights, lines[:1], lines[1:])
 
 
 def _best(profile: CourseProfile) -> int:
@@ -328,7 +342,7 @@ def _fit_of(likelihood: Likelihood, periods: Vector) -> SwingFit:
     """Return the fit of sinusoids of these numbers of periods together."""
     size = likelihood.z.size + 1
     at = 2 * np.pi * np.outer(periods, np.arange(size) + 0.5) / size
-    courses = likelihood.transform(np.vstack([np.cos(at), np.sin(at)]))
+    courses = transformed(np.vstack([np.cos(at), np.sin(at)]))
     without = likelihood.without().values
     gain = float(np.min(without)) - likelihood.with_all(courses)
     return SwingFit(gain, float(periods[0]), courses, int(np.argmin(without)))

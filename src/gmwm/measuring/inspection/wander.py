@@ -6,6 +6,7 @@ The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ _TIMES = (1.5, 5.0, 16.0)
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
 Change = tuple[float, float, float, Vector]
+Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,17 +73,30 @@ def _steps(blocks: int, first: int, last: int) -> Matrix:
 
 
 @computed_once(1)
-def _changes(blocks: int, first: int) -> tuple[Vector, Vector, NDArray[np.float64], NDArray[np.float64]]:
-    """Return places (blocks), time constants of shapes (a jump, 0, then courses that settle after a jump or without
-    one), their transformed courses (S, P, n − 1), and Σ c²/λ (S, P, W) in models of white noise and a walk."""
-    grid, edges = grid_of(blocks), np.arange(blocks + 1)
-    places, times = np.arange(first, blocks - first + 0.5, 0.5), 2.0 ** np.arange(int(math.log2(blocks)) - 2)
-    steps = np.diff(np.maximum(edges - places[:, None], 0.0), axis=1)
-    decays = np.stack([decay(edges - places[:, None], tau) for tau in times])
+def _changes(blocks: int, first: int) -> tuple[Vector, Single, Single]:
+    """Return places (blocks), transformed courses (S, P, n − 1) of `_courses_at`, and Σ c²/λ (S, P, W) in models of
+    white noise and a walk. float32 finds the best place in half the time."""
+    places = np.arange(first, blocks - first + 0.5, 0.5)
+    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
+    for of_shape in _courses_at(places, blocks):
+        courses.append(of_shape.astype(np.float32))
+        squares.append((of_shape**2 @ weights).astype(np.float32))
+    return places, np.stack(courses), np.stack(squares)
+
+
+def _times_of(blocks: int) -> Vector:
+    """Return the time constants of decays (blocks)."""
+    return np.asarray(2.0 ** np.arange(int(math.log2(blocks)) - 2))
+
+
+def _courses_at(places: Vector, blocks: int) -> Iterator[Matrix]:
+    """Yield transformed courses (P, n − 1): a jump, and those that settle after a jump or, last, without one."""
+    ramps, times = np.arange(blocks + 1) - places[:, None], _times_of(blocks)
+    steps = np.diff(np.maximum(ramps, 0.0), axis=1)
+    yield transformed(steps)
+    yield from (transformed(decay(ramps, tau)) for tau in times)
     # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
-    courses = _transformed(np.concatenate([steps[None], decays, steps - decays[1:]]))
-    squares = np.stack([of_shape**2 @ grid.weights[: _WALKS.size].T for of_shape in courses])
-    return places, np.concatenate([[0.0], times, times[1:]]), courses, squares
+    yield from (transformed(steps - decay(ramps, tau)) for tau in times[1:])
 
 
 def decay(edges: Matrix, tau: float) -> Matrix:
@@ -91,11 +106,11 @@ def decay(edges: Matrix, tau: float) -> Matrix:
 
 class _Boxes(NamedTuple):
     """Boxes between two places (blocks): places (P, 2), transformed courses (P, n − 1), and Σ c²/λ (P, W) in models of
-    white noise and a random walk."""
+    white noise and a random walk, both in float32."""
 
     places: Matrix
-    courses: Matrix
-    squares: Matrix
+    courses: Single
+    squares: Single
 
 
 @computed_once(1)
@@ -108,16 +123,17 @@ def _boxes(blocks: int, first: int) -> _Boxes:
         length *= 1.5 if length < 2 else 2**0.5
     corners = np.array(places)
     courses = _box_courses(corners, blocks)
-    return _Boxes(corners, courses, courses**2 @ grid_of(blocks).weights[: _WALKS.size].T)
+    squares = courses**2 @ grid_of(blocks).weights[: _WALKS.size].T
+    return _Boxes(corners, courses.astype(np.float32), squares.astype(np.float32))
 
 
 def _box_courses(places: Matrix, blocks: int) -> Matrix:
     """Return the transformed boxes between pairs of places (P, 2)."""
     ramps = np.clip(np.arange(1, blocks + 1) - places[:, :, None], 0.0, 1.0)
-    return _transformed(ramps[:, 0] - ramps[:, 1])
+    return transformed(ramps[:, 0] - ramps[:, 1])
 
 
-def _transformed(courses: NDArray[np.float64]) -> NDArray[np.float64]:
+def transformed(courses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the differences of courses along the last axis, times `NoiseGrid.transform`, which is a sine transform."""
     return np.asarray(scipy.fft.dst(np.diff(courses), type=1, norm="ortho", overwrite_x=True))
 
@@ -139,7 +155,7 @@ class CoursePairs(NamedTuple):
 def waves_of(blocks: int, periods: tuple[float, ...]) -> CoursePairs:
     """Return the cosine and sine with each number of periods in the recording, which all axes share."""
     grid, phase = grid_of(blocks), 2 * np.pi * np.outer(periods, np.arange(blocks) + 0.5) / blocks
-    cosines, sines = _transformed(np.cos(phase)), _transformed(np.sin(phase))
+    cosines, sines = transformed(np.cos(phase)), transformed(np.sin(phase))
     return CoursePairs.of(grid.weights, cosines, sines)
 
 
@@ -191,18 +207,15 @@ class Likelihood:
         self.z = self.grid.transform @ np.diff(means)
         self._flat = self.grid.weights @ self.z**2
 
-    def transform(self, courses: Matrix) -> Matrix:
-        """Return the transformed differences of courses (C, n), with one course in each row."""
-        return _transformed(courses)
-
     def without(self) -> CourseProfile:
         """Return the profile likelihood without a course."""
         return self._profile(self._flat[:, None])
 
-    def with_one(self, courses: Matrix) -> CourseProfile:
-        """Return the profile likelihood with one course; the result has a column for each of C transformed courses."""
+    def with_one(self, courses: Matrix, squares: Matrix | None = None) -> CourseProfile:
+        """Return the profile likelihood with one course; the result has a column for each of C transformed courses.
+        `squares` are Σ c²/λ (G, C), if they are known."""
         cross = self.grid.weights @ (courses * self.z).T
-        squares = self.grid.weights @ (courses**2).T
+        squares = self.grid.weights @ (courses**2).T if squares is None else squares
         return self._profile(self._flat[:, None] - cross**2 / squares)
 
     def with_pairs(self, pairs: CoursePairs) -> CourseProfile:
@@ -228,25 +241,25 @@ class Likelihood:
     def best_change(self, first: int, *, settles: bool = False) -> Change:
         """Return the reduction of −2 log L by the best jump, or settling, its place and time constant (blocks), and the
         weights of the noise model. The place of a shape is the best one beside white noise and a walk."""
-        shapes = slice(1, None) if settles else slice(1)
-        places, times, courses, squares = _changes(self.z.size + 1, first)
-        taken = (courses[shapes] @ (self.grid.weights[: _WALKS.size] * self.z).T) ** 2 / squares[shapes]
+        shapes, blocks = slice(1, None) if settles else slice(1), self.z.size + 1
+        places, courses, squares = _changes(blocks, first)
+        taken = self._taken(courses[shapes], squares[shapes])
         # For each shape and model, the place that explains most is the best one.
         values = self._minus2(self._flat[: _WALKS.size] - np.max(taken, axis=1), self.grid.logs[: _WALKS.size])
         rows = np.arange(len(values))
-        best = np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)
-        values = self.with_one(courses[shapes][rows, best]).values
+        best = places[np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)]
+        values = self.with_one(np.stack(list(_courses_at(best, blocks)))[shapes][rows, rows]).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
-        gain = float(np.min(self.without().values) - values[model, shape])
-        return gain, float(places[best[shape]]), float(times[shapes][shape]), self.grid.weights[model]
+        gain, times = float(np.min(self.without().values) - values[model, shape]), _times_of(blocks)
+        time = np.concatenate([[0.0], times, times[1:]])[shapes][shape]
+        return gain, float(best[shape]), float(time), self.grid.weights[model]
 
     def best_box(self, first: int) -> tuple[float, tuple[float, float], Vector]:
         """Return the reduction of −2 log L by the best box, its places (blocks), and the weights of the noise model,
         beside white noise and a random walk."""
-        boxes, models = _boxes(self.z.size + 1, first), slice(_WALKS.size)
-        taken = (boxes.courses @ (self.grid.weights[models] * self.z).T) ** 2 / boxes.squares
-        best = np.argmax(taken, axis=0)
-        values = self.with_one(boxes.courses[best]).values
+        boxes = _boxes(self.z.size + 1, first)
+        best = np.unique(np.argmax(self._taken(boxes.courses, boxes.squares), axis=0))
+        values = self.with_one(_box_courses(boxes.places[best], self.z.size + 1)).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         places, weights = boxes.places[best[shape]], self.grid.weights[model]
         for k in (0, 1, 0, 1):
@@ -258,6 +271,12 @@ class Likelihood:
             places = near[np.argmax((courses @ (weights * self.z)) ** 2 / (courses**2 @ weights))]
         begin, end = places.tolist()
         return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
+
+    def _taken(self, courses: Single, squares: Single) -> NDArray[np.float64]:
+        """Return the part of Σ z²/λ that each course explains in models of white noise and a walk."""
+        scale = max(float(np.max(np.abs(self.z))), _LEAST)  # float32 has a small range
+        weighted = (self.grid.weights[: _WALKS.size] * (self.z / scale)).astype(np.float32)
+        return np.asarray(scale**2 * np.square(courses @ weighted.T).astype(np.float64) / squares)
 
     def best_band(self, first: int) -> tuple[float, slice]:
         """Return the reduction of −2 log L by more power in a band of the frequencies θ_k, k > `first`, beside the best

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Vector, row_medians
+from gmwm.base.arrays import FrozenArrays, Vector, freeze, row_medians
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.threads import computed_once
 from gmwm.measuring.outliers.bursts import NEIGHBOURHOOD
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.recording.gaps import drawn
@@ -167,12 +168,13 @@ def _best_reach(values: Vector, right: NDArray[np.bool_]) -> int:
     return _REACHES[int(np.argmin(errors))]
 
 
+@computed_once(2)
 def _sample_places(samples: int, most: int) -> tuple[NDArray[np.int64], int]:
     """Return positions at a regular distance (stride), about `most` of them, and this distance."""
     stride = max(1, samples // most)
     # Vary the offset within each stride, so that a period of the signal is not sampled at one phase.
     places = np.arange(0, samples - stride + 1, stride)
-    return places + (places // stride * 7919) % stride, stride
+    return freeze(places + (places // stride * 7919) % stride), stride
 
 
 def _bulk(
@@ -183,7 +185,7 @@ def _bulk(
     places, stride = _sample_places(values.size, most)
     residual = _core.neighbour_residuals(values, values, places, reach)
     # Quantiles of rounded values would not show tails; a triangular dither of two steps makes a density.
-    residual = np.abs(residual + step * np.random.default_rng(0).triangular(-1.0, 0.0, 1.0, residual.size))
+    residual = np.abs(residual + step * _dither(residual.size))
     piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
     count = residual.size // piece
     local = row_medians(residual[: count * piece].reshape(count, piece)) / NORMAL_QUARTILE
@@ -195,6 +197,12 @@ def _bulk(
     if right is not None:
         relative = relative[right[places[: count * piece]]]
     return local, piece * stride, *_freedom(relative)
+
+
+@computed_once(2)
+def _dither(size: int) -> Vector:
+    """Return random numbers of a triangular distribution from −1 to 1, the same for all axes."""
+    return freeze(np.random.default_rng(0).triangular(-1.0, 0.0, 1.0, size))
 
 
 def _at(places: NDArray[np.int64], scale: Vector, length: int) -> Vector:

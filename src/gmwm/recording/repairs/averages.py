@@ -12,6 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Vector, freeze
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Fact, Quantity, Remark
+from gmwm.base.threads import in_threads
 from gmwm.base.time_base import TimeBase
 from gmwm.recording.batches import Batch, Streamed
 from gmwm.recording.chunks import Samples, samples_of, time_base_of, with_samples
@@ -53,10 +54,9 @@ class SteepFilter(NamedTuple):
 def steep_filters(batch: Batch) -> dict[str, SteepFilter]:
     """Return the steep filter of each axis."""
     most = max(len(batch) // _FEWEST, 1)
-    filters = {
-        axis: _of_axis(list(signal.segment_values()), _rounding(signal.values))
-        for axis, signal in batch.signals.items()
-    }
+    filters = in_threads(
+        lambda _, signal: _of_axis(list(signal.segment_values()), _rounding(signal.values)), batch.signals
+    )
     return {axis: steep._replace(length=min(steep.length, most)) for axis, steep in filters.items()}
 
 

@@ -85,10 +85,11 @@ def slower_rate(values: Vector) -> float:
     power = np.abs(np.fft.rfft(squares - np.mean(squares))) ** 2
     size = power.size // 64
     # The mean nearby without the line is the median over ln 2.
-    nearby = np.repeat(np.median(power[: 64 * size].reshape(size, 64), axis=1), 64) / np.log(2)
+    nearby = np.repeat(row_medians(power[: 64 * size].reshape(size, 64)), 64) / np.log(2)
     height = np.divide(power[: nearby.size], nearby, out=np.zeros(nearby.size), where=nearby > 0)
     height[:4] = 0.0
-    lines = [k / squares.size for k in np.argsort(-height)[:_PEAKS].tolist() if height[k] > _LINE]
+    high = np.flatnonzero(height > _LINE)
+    lines = [k / squares.size for k in high[np.argsort(-height[high])][:_PEAKS].tolist()]
     shares = sorted(share for line in lines for share in (line, 1 - line) if _RATES[0] < share < _RATES[1])
     return next((share for share in shares if _is_straight(x, share)), 0.0)
 
@@ -144,7 +145,7 @@ def two_levels_of(values: Vector) -> TwoLevels | None:
         count = values.size // length
         if count < _TOGETHER:
             break
-        means = values[: count * length].reshape(count, length).mean(axis=1)
+        means = values[: count * length].reshape(count, length) @ np.full(length, 1 / length)
         rows = means[: count - count % _TOGETHER].reshape(-1, _TOGETHER)
         for x in (means, (rows - row_medians(rows)[:, None]).ravel()):
             split = _split(x)

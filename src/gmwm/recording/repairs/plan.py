@@ -182,7 +182,9 @@ def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, beg
     if pattern is None:
         levels, slower = two_levels_of(values), slower_rate(values[: int(begins[1]) if begins.size > 1 else None])
         frozen = _frozen_length(values, same)
-        frozen = frozen if np.any(in_long_runs(same, frozen)[dead:]) and not _stands_still(same[dead:]) else 0
+        frozen = (
+            frozen if frozen and np.any(in_long_runs(same, frozen)[dead:]) and not _stands_still(same[dead:]) else 0
+        )
         line = _straight_length(values, begins)
     found = {
         "frozen": frozen, "straight": line, "wraps": modulus_of(values), "counts": count_of(values), "levels": levels,
@@ -227,15 +229,19 @@ def _dead(same: Mask) -> int:
 
 
 def _frozen_length(values: Vector, same: Mask) -> int:
-    """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse."""
-    level, starts = values[~same], np.flatnonzero(~same)
-    if not np.any(same[3:] & same[2:-1] & same[1:-2]) or level.size < 100:
+    """Return the smallest number of equal samples in a row that chance does not explain; 0 if the output is coarse, or
+    if no run is so long."""
+    if not np.any(same[3:] & same[2:-1] & same[1:-2]):
         return 0
+    starts = np.flatnonzero(~same)
+    if starts.size < 100:
+        return 0
+    level, lengths = values[starts], np.diff(starts)
     returned = level[2:] == level[:-2]
     share = max(fraction(returned), 1 / level.size)
-    if share > _COARSE:
+    longest = max(int(np.max(lengths)), same.size - int(starts[-1]))
+    if share > _COARSE or longest < min(_FROZEN, _least_run(share, values.size)):  # both are smaller than what follows
         return 0
-    lengths, sizes = np.diff(starts), np.abs(np.diff(level))
     usual = max(_FROZEN, int(_FROZEN_TIMES * np.quantile(lengths, 0.999)))
     # The output can be coarser, or quieter, in a part: the most returns among w values, less three standard errors.
     w, sums = min(500, returned.size), np.cumsum(returned)
@@ -243,14 +249,19 @@ def _frozen_length(values: Vector, same: Mask) -> int:
     share = max(share, (most - 3 * math.sqrt(most)) / w)
     if share > _COARSE:
         return usual
-    # Gaussian values stay at the likeliest level with √2 times this share, and any others at most with its root.
-    stays = min(3 * share, math.sqrt(share))
-    least = max(1 + math.ceil(math.log(_UNLIKELY / values.size) / math.log(stays)), 4)
+    least = _least_run(share, values.size)
     # A smooth signal stays at its turns, and leaves them by small steps.
-    runs = np.flatnonzero(lengths[1:] >= least)
+    runs, sizes = np.flatnonzero(lengths[1:] >= least), np.abs(np.diff(level))
     ends = np.maximum(sizes[runs], sizes[runs + 1])
     is_frozen = least < usual and runs.size and np.mean(ends) > np.median(sizes) and not is_slow(level)
     return least if is_frozen else usual
+
+
+def _least_run(share: float, samples: int) -> int:
+    """Return the smallest run of equal samples that chance does not explain, if this `share` of values returns."""
+    # Gaussian values stay at the likeliest level with √2 times this share, and any others at most with its root.
+    stays = min(3 * share, math.sqrt(share))
+    return max(1 + math.ceil(math.log(_UNLIKELY / samples) / math.log(stays)), 4)
 
 
 def _straight_length(values: Vector, begins: Indices) -> int:

@@ -40,8 +40,11 @@ def offsets(same: Mask) -> Indices:
 def in_long_runs(same: Mask, least: int) -> Mask:
     """Return the samples that continue a run of at least `least`, without its first one."""
     runs = runs_of(same)
+    long = runs[runs[:, 1] - runs[:, 0] + 1 >= least]
+    if not long.size:
+        return np.zeros(same.size, dtype=np.bool_)
     ends = np.zeros(same.size + 1, dtype=np.int8)
-    ends[runs[runs[:, 1] - runs[:, 0] + 1 >= least]] = 1, -1
+    ends[long] = 1, -1
     return np.cumsum(ends[:-1], dtype=np.int8).view(np.bool_)
 
 
@@ -127,12 +130,13 @@ def repeats_of(axes: Sequence[Vector], same: Mask, duplicates: float = 0.0) -> R
     if repeated < LIMITS.least_share or same.size - np.count_nonzero(same) < LIMITS.least_changes:
         return None
     # How often a value returns after one other value: never for a fine output, often for a coarse one.
-    levels = [values[~same] for values in axes]
+    starts = np.flatnonzero(~same)
+    levels = [values[starts] for values in axes]
     returned = fraction(np.logical_and.reduce([x[2:] == x[:-2] for x in levels]))
     single = np.count_nonzero(~(same[1:] | same[:-1]))  # runs of one sample, without the last run
     if 2 * single > levels[0].size and returned > LIMITS.chance_share * (1 - (levels[0].size - 1) / same.size):
         return None  # the share below is at most that of all runs
-    lengths = np.diff(np.flatnonzero(~same))
+    lengths = np.diff(starts)
     # Without the samples at which the output froze.
     lengths = lengths[lengths <= LIMITS.longest_run * np.median(lengths)]
     every = float(np.mean(lengths))
@@ -235,7 +239,10 @@ def _roughness(values: Vector) -> float:
 
 def _has_long_runs(lengths: Indices, share: float) -> bool:
     """Return whether more samples are late in runs of equal ones than if this share of Gaussian values returns."""
-    late = [np.sum(np.maximum(lengths - m, 0)) / np.sum(lengths) - (1.8 * share) ** m for m in (3, 7, 15, 31)]
+    counts = np.bincount(lengths)
+    length = np.arange(counts.size)
+    samples = counts @ length
+    late = [counts @ np.maximum(length - m, 0) / samples - (1.8 * share) ** m for m in (3, 7, 15, 31)]
     return bool(max(late) > LIMITS.least_share / 2)
 
 
