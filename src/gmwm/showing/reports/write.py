@@ -86,7 +86,7 @@ def print_html(html: str, path: Path) -> None:
 
 
 # The HTML parser interprets these characters inside <script>, so they are escaped, which JSON allows.
-_IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
+_IN_SCRIPT = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
 def report(calibration: Calibration, path: str | os.PathLike[str], *, one_page: bool = False) -> Path:
@@ -151,7 +151,9 @@ def environment() -> Any:
 def as_json(value: Any) -> str:
     """Return a value as JSON text that is safe inside <script>."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return text.translate(_IN_SCRIPT)
+    for character, escaped in _IN_SCRIPT.items():  # str.translate takes ten times as long
+        text = text.replace(character, escaped)
+    return text
 
 
 def _ours(text: str) -> Any:
