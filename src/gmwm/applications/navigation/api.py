@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from statistics import NormalDist
 
 import numpy as np
 
 from gmwm.applications.navigation.result import Budget, Growth
-from gmwm.base.arrays import Matrix, Vector, as_rate
+from gmwm.base.arrays import Matrix, Vector, as_rate, freeze
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.base.lazy import scipy
 from gmwm.base.remarks import Quantity, Remark
@@ -50,13 +50,15 @@ class Response:
     at_start: Vector  # (q,) errors n at the start per unit of the bias e that the rest before gives
     removed: bool  # whether this bias is subtracted from the sensor
 
-    def step(self, dt: float) -> tuple[Matrix, Vector]:
-        """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
-        q = self.drive.size
-        joint = np.zeros((q + 1, q + 1))
-        joint[:q, :q], joint[:q, q] = self.a, self.drive
-        joint = scipy.linalg.expm(joint * dt)
-        return joint[:q, :q], joint[:q, q]
+
+@lru_cache(maxsize=16)
+def _step(motion: Response, dt: float) -> tuple[Matrix, Vector]:
+    """Return the transition matrix over a sample of `dt` (s), and the effect of a constant e during the sample."""
+    q = motion.drive.size
+    joint = np.zeros((q + 1, q + 1))
+    joint[:q, :q], joint[:q, q] = motion.a, motion.drive
+    joint = freeze(scipy.linalg.expm(joint * dt))
+    return joint[:q, :q], joint[:q, q]
 
 
 def navigation(axis: str, gravity: float, latitude: float) -> Response:
@@ -143,7 +145,7 @@ def _resting(space: StateSpace, gain: float, keep: float, q: int) -> tuple[Matri
 def _moving(space: StateSpace, motion: Response, dt: float) -> tuple[Matrix, Matrix]:
     """Return the transition matrix and noise covariance of (x, m, n), as in `_resting`, for a sample of navigation."""
     p, q = space.states, motion.drive.size
-    motion_step, drive = motion.step(dt)
+    motion_step, drive = _step(motion, dt)
     transition, noise = np.eye(p + 1 + q), np.zeros((p + 1 + q, p + 1 + q))
     transition[:p, :p], transition[p + 1 :, p + 1 :] = space.F, motion_step
     transition[p + 1 :, :p] = np.outer(drive, space.H[0])
