@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, overload
 
@@ -163,6 +163,16 @@ def select_within(
 ) -> Ranking:  # fmt: skip
     """Rank every model within a general one, with the `required` terms; the options are checked."""
     wv = measure(data, rate, robust, efficiency, against=against)
+    ranking, others = begin_ranking(general, wv, options, required=required, progress=progress)
+    return with_equivalent(ranking, others)
+
+
+def begin_ranking(
+    general: AnyModel, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
+    progress: Progress | None = None,
+) -> tuple[Ranking, Iterator[int]]:  # fmt: skip
+    """Rank like `select_within`, but test only until the recommended model is known. Also return an iterator that
+    tests the others and yields the places of the equivalent ones: half of the time, which a search often saves."""
     optional = without_drift(without_values(as_model(general)), [wv])
     models = nested_models(optional)
     if required:
@@ -176,6 +186,14 @@ def select_within(
             advice="Record longer.",
         )
     return _rank(general_model, candidates, wv, options=options, progress=progress)
+
+
+def with_equivalent(ranking: Ranking, places: Iterable[int]) -> Ranking:
+    """Return a ranking whose candidates at these places are equivalent too."""
+    candidates = list(ranking.candidates)
+    for place in places:
+        candidates[place] = replace(candidates[place], equivalent=True)
+    return replace(ranking, candidates=tuple(candidates))
 
 
 @overload
@@ -261,7 +279,7 @@ def rank_models(
                 advice="Record longer, or leave this model out.",
             )
     unique = list({frozenset(structure_of(model).items()): model for model in candidates}.values())
-    return _rank(_union(unique), unique, wv, options=options, progress=progress)
+    return with_equivalent(*_rank(_union(unique), unique, wv, options=options, progress=progress))
 
 
 def _union(models: Sequence[Model]) -> Model:
@@ -296,7 +314,7 @@ def _join(one: Process, other: Process) -> type[Process] | None:
 def _rank(
     general: Model, candidates: Sequence[Model], wv: WaveletVariance, *, options: RankingOptions,
     progress: Progress | None,
-) -> Ranking:  # fmt: skip
+) -> tuple[Ranking, Iterator[int]]:  # fmt: skip
     weighting, draws, seed = options.weighting, options.draws, options.seed
     explored = explore(general, candidates, wv, weighting, progress=progress)
     criteria = _criteria(explored, method=options.criterion, draws=draws, seed=seed)
@@ -308,12 +326,14 @@ def _rank(
     ranked = _relate(ranked)
     ranked = _sort(ranked)
     ranked = [replace(c, difference=_score(c) - _score(ranked[0])) for c in ranked]
-    chosen = _equivalent(ranked, explored, confidence=options.confidence, draws=draws, seed=seed)
-    ranked = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in ranked]
-    return Ranking(
-        candidates=tuple(ranked), within=general, general=explored.general, weighting=weighting,
+    equivalent = _equivalent(ranked, explored, confidence=options.confidence, draws=draws, seed=seed)
+    first = next(equivalent)
+    chosen = [replace(c, equivalent=k == first, recommended=k == first) for k, c in enumerate(ranked)]
+    ranking = Ranking(
+        candidates=tuple(chosen), within=general, general=explored.general, weighting=weighting,
         weighting_matrix=explored.weights.matrix, wavelet=explored.wavelet, confidence=options.confidence,
     )  # fmt: skip
+    return ranking, equivalent
 
 
 def _levels(candidates: Sequence[Candidate]) -> dict[str, float]:
@@ -399,12 +419,14 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
 
 def _equivalent(
     candidates: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
-) -> list[Candidate]:
-    """Return the candidates that are as good as the best one and contain no smaller such one, the simplest first."""
+) -> Iterator[int]:
+    """Yield the places of the candidates that are as good as the best one and contain no smaller such one, the simplest
+    first."""
     best, level = candidates[0], _levels(candidates)
     equivalent, worse = list[Candidate](), list[Candidate]()
-    distinct = (c for c in candidates if c.same_as is None)
-    for candidate in sorted(distinct, key=lambda c: (c.parameters, level[c.structure])):
+    distinct = [(c.parameters, level[c.structure], k) for k, c in enumerate(candidates) if c.same_as is None]
+    for *_, place in sorted(distinct):
+        candidate = candidates[place]
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue
@@ -427,4 +449,4 @@ def _equivalent(
             if Distance.of(candidate.fit).pvalue <= BETTER * REJECTED and _is_rejected(candidate, best):
                 continue
         equivalent.append(candidate)
-    return equivalent
+        yield place

@@ -9,7 +9,7 @@ Without a spectrum, it is an AR(2) of the wavelet variance. 4. Last, an unresolv
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from gmwm.base.arrays import Matrix
 from gmwm.base.errors import GmwmError, ModelError
 from gmwm.base.lazy import scipy
 from gmwm.choosing.selection import fast_part
-from gmwm.choosing.selection.api import rank_models, select_within
+from gmwm.choosing.selection.api import begin_ranking, rank_models, with_equivalent
 from gmwm.choosing.selection.ranking import REJECTED, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
@@ -53,8 +53,9 @@ LOW_ORDER = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
-    """The models fitted to one axis, and the choice. `ranking` was compared last; `wavelet_variance` includes the
-    shape's uncertainty but not the relative `error` of the model; `band` are relative errors of f_b, f_r, Q_r."""
+    """The models fitted to one axis, and the choice. `ranking` was compared last, except for the equivalent models at
+    the places `others`; `wavelet_variance` includes the shape's uncertainty but not the relative `error` of the model;
+    `band` are relative errors of f_b, f_r, Q_r."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
@@ -62,6 +63,12 @@ class ModelChoice:
     tried: tuple[str, ...]
     steps: tuple[SearchStep, ...]
     band: Mapping[str, float] = field(default_factory=dict)
+    others: Iterable[int] = ()
+
+    @property
+    def completed(self) -> ModelChoice:
+        """The choice with all equivalent models. The search needs only the recommended ones until it ends."""
+        return replace(self, ranking=with_equivalent(self.ranking, self.others), others=())
 
     @property
     def with_error(self) -> WaveletVariance:
@@ -80,9 +87,9 @@ def search(
     """Search for the noise model of one axis, as the module describes; `check` may raise to stop it."""
     choice = _from_spectrum(wv, spectrum, options, check)
     if _is_accepted(choice.ranking) and choice.error <= STATED_MISFIT:
-        return choice
+        return choice.completed
     check()
-    return _with_oscillation(choice, options, check) or choice
+    return (_with_oscillation(choice, options, check) or choice).completed
 
 
 def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Callable[[], None]) -> ModelChoice | None:
@@ -115,7 +122,7 @@ def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Calla
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
     curve = fast_part.with_oscillator_error(wv, fit, [held])
     family = fast_part.BESIDE if shaped else SLOW
-    other = within_family(family, curve, options, required=(*required, held), check=check, entered="oscillation")
+    other = _within_family(family, curve, options, required=(*required, held), check=check, entered="oscillation")
     pvalue, before = other.ranking.recommended.pvalue, choice.ranking.recommended.pvalue
     if not _is_accepted(other.ranking) and (before is None or pvalue is None or pvalue < before):
         return None
@@ -167,12 +174,14 @@ def _from_spectrum(
     general, bound = _slow_fit(wv, spectrum, options)
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
     if bound >= REJECTED:
-        ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
+        ranking, others = begin_ranking(SLOW, wv, options, progress=lambda *_: check())
         slow = _with_result(replace(slow, left="rejected"), ranking)
         if _is_accepted(ranking):
             slow = replace(slow, left="accepted", used=True)
             choice = _as_sampled(
-                ModelChoice(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(slow,))
+                ModelChoice(
+                    ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,), steps=(slow,), others=others
+                )
             )
             return _with_filter(choice, _SlowWithPeaks((), wv, general), spectrum, options, check=check)
     check()
@@ -180,7 +189,7 @@ def _from_spectrum(
         # A shape that was fitted to the wavelet variance does not include white and quantization noise.
         part = fast_part.autoregression(wv, options)
         entered: Entry = "shape" if part.terms else "nothing-shown"
-        choice = within_family(SLOW, wv, options, required=part.terms, check=check, entered=entered)
+        choice = _within_family(SLOW, wv, options, required=part.terms, check=check, entered=entered)
         return (_after_slow(choice) if part.terms else choice).after(slow)
     steps, peaks = [slow], _SlowWithPeaks((), wv, general)
     for bumps, order in (
@@ -192,7 +201,7 @@ def _from_spectrum(
             peaks = _SlowWithPeaks.of(terms, general, wv, options)
             bound = Distance.of(peaks.fit).surely
             if terms and bound >= REJECTED:
-                choice = within_family(SLOW, peaks.curve, options, required=terms, check=check, entered="lines")
+                choice = _within_family(SLOW, peaks.curve, options, required=terms, check=check, entered="lines")
                 return _after_slow(choice).after(*steps)
             if terms:
                 family = peaks.fit.model.structure
@@ -205,7 +214,7 @@ def _from_spectrum(
             steps += [replace(step, left="rejected", used=False) for step in shaped.steps]
         elif shaped is not None:
             steps.append(shaped)
-    choice = within_family(SLOW, peaks.curve, options, required=peaks.terms, check=check, entered="nothing-shown")
+    choice = _within_family(SLOW, peaks.curve, options, required=peaks.terms, check=check, entered="nothing-shown")
     return choice.after(*steps)
 
 
@@ -239,7 +248,7 @@ def _with_shape(
     the curve by at most `STATED_MISFIT`; else the step that says so, or None if the spectrum shows nothing."""
 
     def ranked(part: fast_part.FastPart, judged: _JudgedFamily) -> ModelChoice:
-        choice = within_family(
+        choice = _within_family(
             fast_part.BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered,
             judged=judged,
         )  # fmt: skip
@@ -360,24 +369,32 @@ class _JudgedFamily(NamedTuple):
 
 def within_family(
     family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
-    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _JudgedFamily | None = None,
+    check: Callable[[], None] = lambda: None, entered: Entry = "within",
 ) -> ModelChoice:  # fmt: skip
     """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
+    return _within_family(family, wv, options, required=required, check=check, entered=entered).completed
+
+
+def _within_family(
+    family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None, entered: Entry = "within", judged: _JudgedFamily | None = None,
+) -> ModelChoice:  # fmt: skip
     general, bound, error = judged or _JudgedFamily.of(largest_within(family, wv, required), wv, options.weighting)
     check()
     # If the largest model has a line without power, the others need not be ranked with it.
     supported = _supported_terms(required, general)
     if len(supported) < len(required):
-        return within_family(family, wv, options, required=supported, check=check, entered=entered)
-    ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
+        return _within_family(family, wv, options, required=supported, check=check, entered=entered)
+    curve = having_error(wv, error)
+    ranking, others = begin_ranking(family, curve, options, required=required, progress=lambda *_: check())
     supported = _supported_terms(required, ranking.recommended.fit)
     family_name = general.model.structure
     step = SearchStep(family=family_name, entered=entered, bound=bound, model_error=error, left="lines-absent")
     step = _with_result(step, ranking)
     if len(supported) < len(required):
-        choice = within_family(family, wv, options, required=supported, check=check, entered="without-absent-lines")
+        choice = _within_family(family, wv, options, required=supported, check=check, entered="without-absent-lines")
         return choice.after(step)
-    return _only_choice(ranking, wv, step, tried=(family_name,))
+    return _only_choice(ranking, wv, step, tried=(family_name,), others=others)
 
 
 def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> ModelChoice:
@@ -388,12 +405,16 @@ def given_model(model: Model, wv: WaveletVariance, options: RankingOptions) -> M
     return _only_choice(ranking, wv, _with_result(step, ranking), tried=())
 
 
-def _only_choice(ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tried: tuple[str, ...]) -> ModelChoice:
+def _only_choice(
+    ranking: Ranking, wv: WaveletVariance, step: SearchStep, *, tried: tuple[str, ...], others: Iterable[int] = ()
+) -> ModelChoice:
     """Return the choice from the last family."""
     reason: Exit = "model-error" if step.model_error else "accepted" if _is_accepted(ranking) else "last"
     step = replace(step, left=reason, used=True)
     return _as_sampled(
-        ModelChoice(ranking=ranking, wavelet_variance=wv, error=step.model_error, tried=tried, steps=(step,))
+        ModelChoice(
+            ranking=ranking, wavelet_variance=wv, error=step.model_error, tried=tried, steps=(step,), others=others
+        )
     )
 
 
