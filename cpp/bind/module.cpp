@@ -5,6 +5,7 @@
 namespace nb = nanobind;
 
 void bind_arma(nb::module_& m);
+void bind_descent(nb::module_& m);
 void bind_exponential(nb::module_& m);
 void bind_haar(nb::module_& m);
 void bind_kalman(nb::module_& m);
@@ -37,6 +38,7 @@ NB_MODULE(_core, m) {
   // A command ends without a search for reference cycles, and its accumulators may be in some. That is no leak.
   nb::set_leak_warnings(false);
   bind_arma(m);
+  bind_descent(m);
   bind_exponential(m);
   bind_haar(m);
   bind_kalman(m);

@@ -39,6 +39,37 @@ def arma_recursion(orders: Sequence[int], parameters: Annotated[NDArray[numpy.fl
     Write the full polynomials, and the predictors and their errors that paths start by.
     """
 
+class Descent:
+    """Local optima of a sum of fixed processes and of processes with shapes."""
+
+    def __init__(self, target: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], root: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], rounding: float) -> None: ...
+
+    def add_exponential(self, half_scales: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], branch: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], rate: float, innovation: bool) -> None:
+        """
+        Add a branch (low, high, bend, least, sign) of processes with exponential autocovariances.
+        """
+
+    def add_arma(self, orders: Sequence[int], levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], odd: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ends: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
+        """Add an ARMA process with free coefficients."""
+
+    def add_oscillator(self, half_scales: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], rate: float, ends: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
+        """Add a damped oscillator with free frequency and quality."""
+
+    def add_given(self, values: object, slopes: object, ends: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], branch: bool) -> None:
+        """
+        Add a branch, or a process, by functions of the coordinates: the variances (or None) and their derivatives.
+        """
+
+    def downhill(self, branches: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], steps: int) -> tuple[float, Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]] | None:
+        """
+        Move a point by Levenberg-Marquardt steps: the objective, coordinates, weights, and lengths; None if there is no such process.
+        """
+
+    def sharpen(self, branches: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], curvature: tuple[Sequence[bool], Sequence[float]] | None) -> tuple[tuple[float, Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]], tuple[list[bool], list[float]] | None, bool] | None:
+        """
+        Move a point by Newton steps: the same, the coordinates of the last second derivatives and these, and whether the gradient there is a rounding error.
+        """
+
 def exponential_shapes(decays: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], half_scales: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """
     Write the Haar wavelet variances of autocovariances exp(-decay |k|) to out.

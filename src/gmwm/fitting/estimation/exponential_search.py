@@ -37,13 +37,16 @@ _LIMITS = np.array(
 
 
 def search_of(problem: Problem) -> Search:
-    """Return the search, by the kernel if the class itself defines `search`: subclasses may have another variance."""
+    """Return the search, by the kernel if it knows the wavelet variances: subclasses may have others."""
     kind = problem.curved_class
     assert kind is not None
+    return ExponentialSearch(problem, kind) if is_exponential(problem, kind) else Search(problem, kind)
+
+
+def is_exponential(problem: Problem, kind: type[Process]) -> bool:
+    """Return whether the kernel knows the wavelet variances of a class, which itself defines `search`."""
     closed = problem.filter is HAAR and "search" in vars(kind)
-    if closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate)):
-        return ExponentialSearch(problem, kind)
-    return Search(problem, kind)
+    return closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate))
 
 
 class ExponentialSearch(Search):

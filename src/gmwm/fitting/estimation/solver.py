@@ -93,8 +93,7 @@ def solve_near(problem: Problem) -> Solution:
     if point is None or optimum is None:
         return solve(problem, certify=False)
     start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
-    best, curvature = surface.sharpen(optimum)
-    return replace(_solution(problem, surface, best, start), curvature=curvature)
+    return _sharpened(problem, surface, optimum, start)
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
@@ -128,8 +127,7 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
             advice="Increase the number of draws.",
         )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
-    best, curvature = surface.sharpen(optimum)
-    return replace(_solution(problem, surface, best, start), curvature=curvature)
+    return _sharpened(problem, surface, optimum, start)
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
@@ -174,8 +172,8 @@ def _solve_by_scan(problem: Problem, *, quick: bool, near: Solution | None) -> S
     start = Start(how=how, tried=tried, objective=_value(surface.at(origin), problem))
     if alone is not None and not quick:
         best = _rearrange(problem, surface, alone, best)
-    best, curvature = surface.sharpen(_elsewhere(problem, surface, best))
-    return replace(_solution(problem, surface, best, start), curvature=curvature, origin=origin)
+    best = _elsewhere(problem, surface, best)
+    return replace(_sharpened(problem, surface, best, start), origin=origin)
 
 
 def _lowest(
@@ -242,25 +240,24 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
 def _resume_free(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
-    here = surface.at(solution.point)
-    optimum, curvature = (None, None) if here is None else surface.sharpen(here, solution.curvature)
-    if optimum is None or not _at_rest(surface, optimum):
+    sharp = surface.sharpen(solution.point, solution.curvature)
+    if sharp is not None and sharp[2]:
+        result = replace(_solution(problem, surface, sharp[0], solution.start, ends=ends), curvature=sharp[1])
+    else:
         optimum = surface.downhill(solution.point)
         assert (
             optimum is not None
         )  # the point was valid with the previous weights, and validity does not depend on them
-        optimum, curvature = surface.sharpen(optimum)
-    result = _solution(problem, surface, optimum, solution.start, ends=ends)
-    return replace(result, curvature=curvature, origin=solution.origin)
+        result = _sharpened(problem, surface, optimum, solution.start, ends=ends)
+    return replace(result, origin=solution.origin)
 
 
-def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Return whether the gradient is at most 1e-10 of the lengths of the vectors that it multiplies."""
-    slopes = surface.slopes(found)
-    gradient = -slopes @ found.residual
-    able = surface.moving(found, gradient)
-    size = np.linalg.norm(slopes, axis=1) * np.linalg.norm(surface.problem.target)
-    return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
+def _sharpened(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
+    """Return the solution after Newton steps from an optimum."""
+    sharp = surface.sharpen(found.point)
+    assert sharp is not None
+    best, curvature, _ = sharp
+    return replace(_solution(problem, surface, best, start, ends=ends), curvature=curvature)
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
