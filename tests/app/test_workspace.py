@@ -61,16 +61,11 @@ def test_the_model_tab_fits_what_calibrate_fits(workspace, models):
         assert facts.children[1].children == calibration.axes[axis].test.summary()
 
 
-LONG = {
-    "MAT + 2*GM + FN": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)",
-    "ARMA(2,1) + 2*GM + RW": "WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)",
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("model", LONG)
-def test_a_long_fit_ends_when_it_is_cancelled(model):
-    truth, samples = gmwm.Model.parse(LONG[model]), 2**20
+@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.parametrize("model", ["MAT + 2*GM + FN", "ARMA(2,1) + 2*GM + RW"])
+def test_fits_end_when_they_are_cancelled(model):
+    truth, samples = gmwm.Model.parse("WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)"), 2**20
     scatter = np.exp(0.02 * np.random.default_rng(1).standard_normal(18))
     levels = np.arange(1, 19)
     wv = gmwm.WaveletVariance.from_values(truth.wavelet_variance(levels, 100.0) * scatter, samples, 100.0)
@@ -78,12 +73,13 @@ def test_a_long_fit_ends_when_it_is_cancelled(model):
 
     def work(job):
         try:
-            return gmwm.fit(model, wv, weighting="optimal")
+            while True:
+                gmwm.fit(model, wv, weighting="optimal")
         finally:
             ended.append(time.process_time())
 
     job = Jobs().ask("fit", model, "Fitting", work)
-    assert not job.join(0.5), "the fit is too short for this test"
+    assert not job.join(0.5)
     asked = time.process_time()
     job.cancel()
     assert job.state == "cancelled"
