@@ -62,7 +62,7 @@ def test_the_model_tab_fits_what_calibrate_fits(workspace, models):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("model", ["MAT + 2*GM + FN", "ARMA(2,1) + 2*GM + RW"])
 def test_fits_end_when_they_are_cancelled(model):
     truth, samples = gmwm.Model.parse("WN(sigma2=1e-6) + GM(beta=0.1, sigma2=1e-8) + RW(gamma2=1e-14)"), 2**20
