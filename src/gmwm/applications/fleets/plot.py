@@ -76,7 +76,7 @@ def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> F
     groups: dict[str, dict[str, list[ParameterSample]]] = {}
     samples = reading.samples()
     shared = [sample for sample in samples if np.count_nonzero(np.isfinite(sample.x) | sample.limited) > 1]
-    for sample in shared or samples:
+    for sample in sorted(shared or samples, key=lambda sample: reading.symbols.index(sample.symbol)):
         sensor = sensor_and_letter(sample.axis)[0] or sample.axis
         groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
     rows: list[tuple[Panel | None, ...]] = []
