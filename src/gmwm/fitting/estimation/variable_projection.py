@@ -205,8 +205,8 @@ class Surface:
         """Return the point that at most `steps` Levenberg-Marquardt steps reach; None if `start` is not valid."""
         check_stop()
         point = start.point if isinstance(start, Projection) else start
-        found = self.kernel.downhill(self._indices(point), point.x, steps)
-        return None if found is None else _projection(point, *found)
+        optimum = self.kernel.downhill(self._indices(point), point.x, steps)
+        return None if optimum is None else _projection(point, *optimum)
 
     def sharpen(
         self, start: ShapePoint, curvature: Curvature | None = None
@@ -215,13 +215,13 @@ class Surface:
         `curvature` until steps converge slowly, and whether the gradient is a rounding error."""
         check_stop()
         square = self.problem.unit**2
-        known = None if curvature is None else (curvature.able, (curvature.hessian / square).tolist())
-        result = self.kernel.sharpen(self._indices(start), start.x, known)
+        second = None if curvature is None else (curvature.able, (curvature.hessian / square).tolist())
+        result = self.kernel.sharpen(self._indices(start), start.x, second)
         if result is None:
             return None
-        found, second, rest = result
-        known_then = None if second is None else Curvature(second[0], square * np.array(second[1]))
-        return _projection(start, *found), known_then, rest
+        optimum, second, at_rest = result
+        curvature = None if second is None else Curvature(second[0], square * np.array(second[1]))
+        return _projection(start, *optimum), curvature, at_rest
 
     def _indices(self, point: ShapePoint) -> NDArray[np.int64]:
         names = [_name(branch) for branch in self.branches]

@@ -151,11 +151,11 @@ class _Split:
         tables = [(shape.table, process.scale) for shape, process in shapes]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
         for k, (shape, process) in enumerate(shapes, 1):
-            own = process.scale * shape.first, process.scale**2 * shape.second
+            sums = process.scale * shape.first, process.scale**2 * shape.second
             if k < len(shapes):
                 mixture = shape.mixture.scaled(process.scale)
-                own = lag_sums(design.levels, design.samples, mixture, tables[k:], diagonal=diagonal)
-            first, second = first + own[0][: first.size], second + own[1][: first.size]
+                sums = lag_sums(design.levels, design.samples, mixture, tables[k:], diagonal=diagonal)
+            first, second = first + sums[0][: first.size], second + sums[1][: first.size]
         if design.efficiency is not None:
             variance, powers = self.powers(design, diagonal=diagonal)
             second = second + _Pairs.of(design, diagonal=diagonal).outer(np.where(few, 0.0, variance)) * powers
@@ -211,10 +211,11 @@ class _Shape:
 
 def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
     """Return the sums of a smooth process. Those of all levels begin with those of the first ones."""
-    levels, every = tuple(design.levels.tolist()), tuple(range(1, design.samples.bit_length()))
-    wanted = every if every[: len(levels)] == levels else levels
+    levels, possible = tuple(design.levels.tolist()), tuple(range(1, design.samples.bit_length()))
+    if possible[: len(levels)] == levels:
+        levels = possible
     kind, values = type(process), tuple(process.nonlinear.tolist())
-    return _shape_of(kind, values, rate=design.rate, levels=wanted, samples=design.samples, diagonal=diagonal)
+    return _shape_of(kind, values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
 
 
 @computed_once(6)
@@ -222,10 +223,10 @@ def _shape_of(
     kind: type[Process], values: tuple[float, ...], *, rate: float, levels: tuple[int, ...], samples: int,
     diagonal: bool,
 ) -> _Shape:  # fmt: skip
-    mixture, wanted = kind.standard(np.array(values)).exponential_mixture(rate, samples), np.array(levels)
+    mixture, j = kind.standard(np.array(values)).exponential_mixture(rate, samples), np.array(levels)
     assert mixture is not None
-    table = lag_table(wanted, samples, mixture, diagonal=diagonal)
-    return _Shape(mixture, table, *lag_sums(wanted, samples, mixture, diagonal=diagonal))
+    table = lag_table(j, samples, mixture, diagonal=diagonal)
+    return _Shape(mixture, table, *lag_sums(j, samples, mixture, diagonal=diagonal))
 
 
 def _over_lags(
