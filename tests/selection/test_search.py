@@ -287,6 +287,21 @@ def curve_with_line(frequency, amplitude):
     return rng.normal(size=n) + walk(rng, n, 0.02) + line
 
 
+@pytest.mark.slow
+def test_a_shape_of_a_curve_whose_power_is_zero_is_left_out():
+    """An AR(2) that the largest model estimates as zero was kept, and its curve hid the oscillation."""
+    truth = Model.parse(
+        "QN(q2=4.6e-07) + RW(gamma2=2.2e-12) + GM(beta=1.3, sigma2=9e-08) "
+        "+ OSC(frequency=0.022, quality=5.1, sigma2=4.5e-08)"
+    )
+    values = truth.wavelet_variance(20, RATE)
+    wv = gmwm.WaveletVariance.from_values(values, rate=RATE, samples=3_270_965, axis="gyro_x", unit="rad/s")
+    found = search(wv, None, OPTIONS)
+    assert [p.name for p in found.ranking.recommended.fit.model.processes] == ["GM", "QN", "RW", "OSC"]
+    np.testing.assert_allclose(found.ranking.recommended.fit.implied, values, rtol=1e-3)
+    assert "terms-absent" in [step.left for step in found.steps]
+
+
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):
     assert largest_within("GM + WN", curve).structure == "GM + WN"
     short = curve.first(5)

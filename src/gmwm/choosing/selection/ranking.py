@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 
 Entry = Literal[
-    "within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-lines", "oscillation",
+    "within", "model", "slow", "lines", "shape", "filter", "nothing-shown", "without-absent-terms", "oscillation",
     "sensor",
 ]  # fmt: skip
 Exit = Literal[
-    "accepted", "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error", "last", "shared"
+    "accepted", "all-rejected", "rejected", "filter-possible", "terms-absent", "model-error", "last", "shared"
 ]
 ENTRY_TEXTS: Mapping[Entry, str] = {
     "within": "largest model of the user",
@@ -46,7 +46,7 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "shape": "with the shape of the noise at high frequencies",
     "filter": "with the shape of the noise at high frequencies, because the model before may describe a filter",
     "nothing-shown": "slow processes, because the data show no further term",
-    "without-absent-lines": "without the lines whose power is estimated as zero",
+    "without-absent-terms": "without the terms whose power is estimated as zero",
     "oscillation": "with a slow oscillation that is fitted to the wavelet variance",
     "sensor": "one form of slow noise for the axes of the sensor",
 }
@@ -57,7 +57,7 @@ EXIT_TEXTS: Mapping[Exit, str] = {
     "all-rejected": "None of its models reaches p = {level}{p}, so they were not compared.",
     "rejected": "{model}{p} does not reach p = {level}.",
     "filter-possible": "{model}{p} fits, but one of its Gauss-Markov terms may be a filter of the sensor.",
-    "lines-absent": "In {model}, the power of a line is estimated as zero.",
+    "terms-absent": "In {model}, the power of a term is estimated as zero.",
     "model-error": "{model} fits with a model error of {error:.2g} %{p}, but does not reach p = {level} without it.",
     "last": "{model}{p} does not reach p = {level}, but there is no further family.",
     "shared": "{model}{p} has the form that most axes of the sensor accept, and that does not increase their criteria.",
@@ -70,8 +70,8 @@ class SearchStep(Documented):
     `left`.
 
     `entered`: "within", "model" (user), "slow" (first), "lines", "shape", "filter" (spectrum), "nothing-shown",
-    "without-absent-lines", "oscillation" (wavelet variance), "sensor" (form shared by axes). `left`: "accepted",
-    "all-rejected", "rejected", "filter-possible", "lines-absent", "model-error" (included, as all are rejected),
+    "without-absent-terms", "oscillation" (wavelet variance), "sensor" (form shared by axes). `left`: "accepted",
+    "all-rejected", "rejected", "filter-possible", "terms-absent", "model-error" (included, as all are rejected),
     "last", "shared". `bound` limits p-values in the family; `pvalue` is that of `recommended`, None without comparison.
     `used`: the result is from here."""
 

@@ -40,7 +40,6 @@ from gmwm.theory.processes.model import Model, ModelLike, as_model
 from gmwm.theory.processes.noise import QN, RW, WN
 from gmwm.theory.processes.oscillator import OSC
 from gmwm.theory.processes.parameter import Fixed
-from gmwm.theory.processes.sinusoid import SIN
 
 SMALL_RESIDUAL = 0.1
 """Share of the residual of smooth processes up to which the residual with the best oscillator of a grid is small enough
@@ -371,7 +370,7 @@ def within_family(
     family: ModelLike, wv: WaveletVariance, options: RankingOptions, *, required: Sequence[Process] = (),
     check: Callable[[], None] = lambda: None, entered: Entry = "within",
 ) -> ModelChoice:  # fmt: skip
-    """Rank all models within a largest one plus `required` terms, with its model error, without lines of zero power."""
+    """Rank all models within a largest one plus `required` terms, with its model error, without terms of zero power."""
     return _within_family(family, wv, options, required=required, check=check, entered=entered).completed
 
 
@@ -381,7 +380,7 @@ def _within_family(
 ) -> ModelChoice:  # fmt: skip
     general, bound, error = judged or _JudgedFamily.of(largest_within(family, wv, required), wv, options.weighting)
     check()
-    # If the largest model has a line without power, the others need not be ranked with it.
+    # If a required term of the largest model has no power, the others need not be ranked with it.
     supported = _supported_terms(required, general)
     if len(supported) < len(required):
         return _within_family(family, wv, options, required=supported, check=check, entered=entered)
@@ -389,10 +388,10 @@ def _within_family(
     ranking, others = begin_ranking(family, curve, options, required=required, progress=lambda *_: check())
     supported = _supported_terms(required, ranking.recommended.fit)
     family_name = general.model.structure
-    step = SearchStep(family=family_name, entered=entered, bound=bound, model_error=error, left="lines-absent")
+    step = SearchStep(family=family_name, entered=entered, bound=bound, model_error=error, left="terms-absent")
     step = _with_result(step, ranking)
     if len(supported) < len(required):
-        choice = _within_family(family, wv, options, required=supported, check=check, entered="without-absent-lines")
+        choice = _within_family(family, wv, options, required=supported, check=check, entered="without-absent-terms")
         return choice.after(step)
     return _only_choice(ranking, wv, step, tried=(family_name,), others=others)
 
@@ -426,6 +425,6 @@ def given_curve(model: Model, wv: WaveletVariance, weighting: str) -> WaveletVar
 
 
 def _supported_terms(required: Sequence[Process], fit: Fit) -> Sequence[Process]:
-    """Return the required terms except lines whose power is estimated as zero."""
-    zero = {(p.name, *p.nonlinear) for p in fit.model.processes if isinstance(p, SIN | OSC) and p.scale == 0}
-    return [p for p in required if not isinstance(p, SIN | OSC) or (p.name, *p.nonlinear) not in zero]
+    """Return the required terms except those whose power is estimated as zero."""
+    zero = {(p.name, *p.nonlinear) for p in fit.model.processes if p.shape_is_fixed and p.scale == 0}
+    return [p for p in required if (p.name, *p.nonlinear) not in zero]
