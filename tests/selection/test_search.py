@@ -288,18 +288,29 @@ def curve_with_line(frequency, amplitude):
 
 
 @pytest.mark.slow
-def test_a_shape_of_a_curve_whose_power_is_zero_is_left_out():
-    """An AR(2) that the largest model estimates as zero was kept, and its curve hid the oscillation."""
-    truth = Model.parse(
-        "QN(q2=4.6e-07) + RW(gamma2=2.2e-12) + GM(beta=1.3, sigma2=9e-08) "
-        "+ OSC(frequency=0.022, quality=5.1, sigma2=4.5e-08)"
-    )
+@pytest.mark.parametrize(
+    ("truth", "left"),
+    [
+        # An AR(2) that the largest model estimates as zero was kept, and hid the oscillation.
+        (
+            "GM(beta=1.3, sigma2=9e-8) + QN(q2=4.6e-7) + RW(gamma2=2.2e-12) "
+            "+ OSC(frequency=0.022, quality=5.1, sigma2=4.5e-8)",
+            "terms-absent",
+        ),
+        # Two GM describe flicker noise too badly to find an oscillation beside it.
+        ("WN(sigma2=1e-6) + FN(b2=2.4e-8) + OSC(frequency=0.0065, quality=3.2, sigma2=3.5e-8)", "accepted"),
+        ("QN(q2=9.4e-8) + FN(b2=1.1e-9) + OSC(frequency=0.0032, quality=11.0, sigma2=9.0e-9)", "accepted"),
+    ],
+)
+def test_a_slow_oscillation_is_found_in_a_curve(truth, left):
+    truth = Model.parse(truth)
     values = truth.wavelet_variance(20, RATE)
-    wv = gmwm.WaveletVariance.from_values(values, rate=RATE, samples=3_270_965, axis="gyro_x", unit="rad/s")
+    wv = gmwm.WaveletVariance.from_values(values, rate=RATE, samples=3_300_000, axis="gyro_x", unit="rad/s")
     found = search(wv, None, OPTIONS)
-    assert [p.name for p in found.ranking.recommended.fit.model.processes] == ["GM", "QN", "RW", "OSC"]
-    np.testing.assert_allclose(found.ranking.recommended.fit.implied, values, rtol=1e-3)
-    assert "terms-absent" in [step.left for step in found.steps]
+    recommended = found.ranking.recommended.fit
+    assert [p.name for p in recommended.model.processes] == [p.name for p in truth.processes]
+    np.testing.assert_allclose(recommended.implied, values, rtol=1e-2)
+    assert left in [step.left for step in found.steps]
 
 
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):

@@ -88,17 +88,20 @@ def search(
     if _is_accepted(choice.ranking) and choice.error <= STATED_MISFIT:
         return choice.completed
     check()
-    return (_with_oscillation(choice, options, check) or choice).completed
+    return (_with_oscillation(choice, spectrum, options, check) or choice).completed
 
 
-def _with_oscillation(choice: ModelChoice, options: RankingOptions, check: Callable[[], None]) -> ModelChoice | None:
+def _with_oscillation(
+    choice: ModelChoice, spectrum: PowerSpectrum | None, options: RankingOptions, check: Callable[[], None]
+) -> ModelChoice | None:
     """Return the choice with a damped oscillator fitted beside the spectrum's terms; None if the test rejects it."""
     wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
     required = [
         term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and term.shape_is_fixed
     ]
-    shaped = any(isinstance(term, Lagged) for term in required)
-    slow = Model((*as_model("2*GM + RW" if shaped else "2*GM + WN + QN + RW").processes, *required))
+    # A shape that was fitted to the wavelet variance does not include white and quantization noise.
+    shaped = spectrum is not None and any(isinstance(term, Lagged) for term in required)
+    slow = Model((*as_model("2*GM + FN + RW" if shaped else "2*GM + WN + QN + FN + RW").processes, *required))
     # The spectrum shows faster oscillations, or they belong to the shape at high frequencies.
     fastest = wv.rate / (2 * math.pi * fast_part.FAST)
     enough = freedom(slow) + len(OSC().parameters) <= len(wv)
