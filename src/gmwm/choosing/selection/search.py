@@ -259,7 +259,8 @@ def _with_shape(
         )  # fmt: skip
         return replace(_after_slow(choice), shape=part.shape)
 
-    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model.
+    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model, which is
+    # only measured until a shape is good enough.
     close, least_error = 0.05, 0.001
     simplest, last = None, None
     for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
@@ -267,7 +268,8 @@ def _with_shape(
         fit = nearly_fitted(largest_within(fast_part.BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        error = model_error(fit) if pvalue < REJECTED else least_error if pvalue < close else 0.0
+        misses = pvalue < REJECTED and simplest is None
+        error = model_error(fit) if misses else least_error if pvalue < close else 0.0
         last = part, _JudgedFamily(fit, pvalue, error)
         if not error:
             shaped = ranked(*last)
