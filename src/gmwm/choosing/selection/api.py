@@ -441,12 +441,11 @@ def _equivalent(
             alike = (k.fit.implied for k in worse if level[k.structure] == level[candidate.structure])
             if any(np.allclose(curve, candidate.fit.implied, rtol=EQUAL_CRITERIA, atol=0) for curve in alike):
                 continue
-            if not as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed):
-                worse.append(candidate)
-                continue
-            # This is the last check, because the test fits the candidate again, without the coarse levels. The distance
+            # The test of the fit is last, because it fits the candidate again, without the coarse levels. The distance
             # of the fit to all levels is larger, and takes a twentieth of the time.
-            if Distance.of(candidate.fit).pvalue <= BETTER * REJECTED and _is_rejected(candidate, best):
+            good = as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed)
+            if not good or (Distance.of(candidate.fit).pvalue <= BETTER * REJECTED and _is_rejected(candidate, best)):
+                worse.append(candidate)
                 continue
         equivalent.append(candidate)
         yield place

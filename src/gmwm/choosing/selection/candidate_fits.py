@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector
-from gmwm.choosing.selection.structure import consists_of, containing, freedom, names_of, structure_of, without_values
+from gmwm.choosing.selection.structure import containing, freedom, names_of, structure_of, without_values
 from gmwm.fitting.estimation.atoms import grid
 from gmwm.fitting.estimation.problem import Problem, pose, to_find
 from gmwm.fitting.estimation.result import Fit
@@ -110,6 +110,11 @@ class _CandidateSolution:
     problem: Problem
     solution: Solution
 
+    @cached_property
+    def keys(self) -> tuple[frozenset[tuple[str, int]], frozenset[tuple[str, int]]]:
+        """Keys of the terms that are not zero, and of the structure."""
+        return _key(self.shown), _key(self.structure)
+
 
 class _Exploration:
     """Solutions for one weighting matrix Ω, by structure of the model."""
@@ -132,11 +137,13 @@ class _Exploration:
     def add(self, model: Model) -> None:
         """Fit a candidate, unless its solution is already known."""
         structure = structure_of(model)
-        if _key(structure) in self.solved:
+        key = _key(structure)
+        if key in self.solved:
             return
         for solved in self.solved.values():
-            if solved.shown and consists_of(structure, solved.shown) and consists_of(solved.structure, structure):
-                self.solved[_key(structure)] = replace(self.solved[_key(solved.shown)], structure=structure)
+            shown, whole = solved.keys
+            if shown and shown <= key <= whole:
+                self.solved[key] = replace(self.solved[shown], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.weights)
         self.take(model, problem, solve(problem, certify=False))
@@ -186,7 +193,8 @@ def _shown_structure(model: Model, problem: Problem, solution: Solution) -> Coun
 
 
 def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
-    return frozenset(structure.items())
+    """Return the names of the terms with their numbers, so that the key of a smaller model is a subset."""
+    return frozenset((name, number) for name, count in structure.items() for number in range(count))
 
 
 def relaxed_columns(explored: Explored) -> Matrix:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -294,12 +294,12 @@ MEMORY = 2000.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FastPart:
-    """Terms that the spectrum shows, the data with the uncertainty of the shape, and the errors of its band.
-    `is_largest` tells whether there is no shape with more coefficients."""
+    """Terms that the spectrum shows, with their `shape`, and the data with its uncertainty. `is_largest` tells whether
+    there is no shape with more coefficients."""
 
     wavelet_variance: WaveletVariance
     terms: tuple[Process, ...]
-    band: Mapping[str, float] = field(default_factory=dict)
+    shape: SpectralShape | None = None
     is_largest: bool = True
 
 
@@ -331,8 +331,8 @@ def fast_parts(
         process = process_of(shape)
         fit = nearly_fitted(largest_within(BESIDE, wv, (process, *peaks)), wv, general.weighting)
         yield FastPart(
-            wavelet_variance=with_shape_error(wv, fit, shape, process), terms=(process, *peaks),
-            band=band_errors(shape, wv.rate), is_largest=shape is best and order == HIGHEST_ORDER,
+            wavelet_variance=with_shape_error(wv, fit, shape, process), terms=(process, *peaks), shape=shape,
+            is_largest=shape is best and order == HIGHEST_ORDER,
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from gmwm.fitting.estimation.solver import solve_near
 from gmwm.fitting.estimation.weighting import precision, square_root
 from gmwm.measuring.covariance import Design
 from gmwm.measuring.spectrum.result import PowerSpectrum
-from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER
+from gmwm.measuring.spectrum.short_memory import HIGHEST_ORDER, SpectralShape
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.linear_recursion import Lagged
@@ -53,16 +53,21 @@ LOW_ORDER = 2
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelChoice:
     """The models fitted to one axis, and the choice. `ranking` was compared last, except for the equivalent models at
-    the places `others`; `wavelet_variance` includes the shape's uncertainty but not the relative `error` of the model;
-    `band` are relative errors of f_b, f_r, Q_r."""
+    the places `others`; `wavelet_variance` includes the uncertainty of the `shape` at high frequencies but not the
+    relative `error` of the model."""
 
     ranking: Ranking
     wavelet_variance: WaveletVariance
     error: float
     tried: tuple[str, ...]
     steps: tuple[SearchStep, ...]
-    band: Mapping[str, float] = field(default_factory=dict)
+    shape: SpectralShape | None = None
     others: Iterable[int] = ()
+
+    @property
+    def band(self) -> Mapping[str, float]:
+        """Relative errors of f_b, f_r and Q_r of the shape, which take longer than a fit."""
+        return {} if self.shape is None else fast_part.band_errors(self.shape, self.wavelet_variance.rate)
 
     @property
     def completed(self) -> ModelChoice:
@@ -254,9 +259,10 @@ def _with_shape(
             fast_part.BESIDE, part.wavelet_variance, options, required=part.terms, check=check, entered=entered,
             judged=judged,
         )  # fmt: skip
-        return replace(_after_slow(choice), band=part.band)
+        return replace(_after_slow(choice), shape=part.shape)
 
-    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model.
+    # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model, which is
+    # only measured until a shape is good enough.
     close, least_error = 0.05, 0.001
     simplest, last = None, None
     for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
@@ -264,7 +270,8 @@ def _with_shape(
         fit = nearly_fitted(largest_within(fast_part.BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        error = model_error(fit) if pvalue < REJECTED else least_error if pvalue < close else 0.0
+        misses = pvalue < REJECTED and simplest is None
+        error = model_error(fit) if misses else least_error if pvalue < close else 0.0
         last = part, _JudgedFamily(fit, pvalue, error)
         if not error:
             shaped = ranked(*last)

@@ -147,18 +147,6 @@ def shown_by(fit: Fit) -> Counter[str]:
     return shown | Counter(acted)
 
 
-def consists_of(whole: Counter[str], part: Counter[str]) -> bool:
-    """Return whether a structure has each term of another structure at least as often, faster than `part <= whole`.
-
-    >>> consists_of(Counter({"GM": 2, "WN": 1}), Counter({"GM": 1}))
-    True
-    """
-    for name, count in part.items():  # noqa: SIM110 - a generator would take twice as long
-        if count > whole.get(name, 0):
-            return False
-    return True
-
-
 def containing(structures: Sequence[Counter[str]]) -> Booleans:
     """Return for each pair of structures (whole, part) what `of_lower_order(part, whole)` returns, an array (n, n).
 

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Integers, Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.documents import Documented
 from gmwm.fitting.estimation.asymptotic import noise_covariance
 from gmwm.fitting.estimation.bootstrap import DRAWS, bootstrap
 from gmwm.fitting.estimation.intervals import Method
 from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE
-from gmwm.fitting.estimation.problem import Problem, pose, unit_shape
+from gmwm.fitting.estimation.problem import Problem, pose, to_find
 from gmwm.fitting.estimation.solver import model_of, solve
 from gmwm.fitting.estimation.weighting import Weights
 from gmwm.measuring.covariance import Design
 from gmwm.recording.options import one_of
-from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
 
 if TYPE_CHECKING:
@@ -104,9 +102,8 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
     """Compute the optimism 2 tr[ΩDH⁻¹DᵀΩV], D = ∂ν²/∂θ, H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, first order."""
     wv = fit.wavelet_variance
     root = (Weights(fit.weighting_matrix) if weights is None else weights).root
-    design = Design.of(wv)
     pull = fit.weighting_matrix @ (wv.variance - fit.implied)
-    slopes, bends = _derivatives(fit, design.levels, rate=design.rate, filter=design.filter, pull=pull)
+    slopes, bends = _derivatives(fit, Design.of(wv), pull)
     if slopes.shape[1] == 0:
         return 0.0
     weighted = root @ slopes
@@ -118,7 +115,7 @@ def optimism(fit: Fit, wavelet: Matrix, weights: Weights | None = None) -> float
     if inverse is None:
         inverse = np.linalg.pinv(gauss, rcond=COLLINEAR_SINGULAR_VALUE, hermitian=True)
     moved = weighted.T @ root
-    return float(2 * np.trace(inverse @ moved @ wavelet @ moved.T))
+    return float(2 * np.sum(inverse * (moved @ wavelet @ moved.T)))
 
 
 def _inverse(hessian: Matrix) -> Matrix | None:
@@ -129,56 +126,46 @@ def _inverse(hessian: Matrix) -> Matrix | None:
     return np.asarray((axes / strength) @ axes.T)
 
 
-def _derivatives(fit: Fit, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector) -> tuple[Matrix, Matrix]:
-    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scale coefficients and nonlinear parameters."""
-    columns: list[Vector] = []
-    blocks: list[Matrix] = []
+def _derivatives(fit: Fit, design: Design, pull: Vector) -> tuple[Matrix, Matrix]:
+    """Return D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p); θ are the free scales, relative to the estimates, and then the
+    free nonlinear parameters."""
+    rows, alike = list[Vector](), dict[type[Process], list[tuple[int, Process]]]()
     for term, process in fit.model.by_term.items():
-        if process.scale == 0:
+        if process.scale == 0 or process.is_fixed(process.scale_parameter().name):
             continue
-        free = [
-            not process.is_fixed(p.name) and term not in fit.diagnostics.acts_as for p in process.nonlinear_parameters()
-        ]
-        slope, bend = _of_process(process, levels, rate=rate, filter=filter, pull=pull, free=np.flatnonzero(free))
-        if process.is_fixed(process.scale_parameter().name):
-            slope, bend = slope[:, 1:], bend[1:, 1:]
-        columns += list(slope.T)
-        blocks.append(bend)
-    size = sum(len(block) for block in blocks)
-    bends, at = np.zeros((size, size)), 0
-    for block in blocks:
-        bends[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
-    return np.array(columns).reshape(size, levels.size).T, bends
+        if term not in fit.diagnostics.acts_as and not process.shape_is_fixed:
+            alike.setdefault(type(process), []).append((len(rows), process))
+        rows.append(fit.decomposition[term])
+    blocks = []
+    for group in alike.values():
+        parts = _of_shapes([process for _, process in group], design, pull)
+        for (place, process), (slope, cross, bend) in zip(group, parts, strict=True):
+            free = list(to_find(process))
+            blocks.append((place, len(rows), process.scale * cross[free], process.scale * bend[free][:, free]))
+            rows += list(process.scale * slope[free])
+    bends = np.zeros((len(rows), len(rows)))
+    for place, at, cross, bend in blocks:
+        own = slice(at, at + len(bend))
+        bends[place, own] = bends[own, place] = cross
+        bends[own, own] = bend
+    return np.array(rows).reshape(-1, design.levels.size).T, bends
 
 
-def _of_process(
-    process: Process, levels: Integers, rate: float, filter: WaveletFilter, pull: Vector,
-    free: NDArray[np.intp],
-) -> tuple[Matrix, Matrix]:  # fmt: skip
-    """Return `_derivatives` of one process: by the scale coefficient, then by the parameters `free`."""
-    if not process.nonlinear_parameters():
-        return unit_shape(process, levels, rate, filter)[:, None], np.zeros((1, 1))
-    at = process.nonlinear
-    moved = [at]
-    steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0] if free.size else at
-    for i, k in enumerate(free):
-        # ε^(1/4) is the best order of magnitude of central differences (tests/inference/test_criterion.py, by
-        # bootstrap).
-        steps[i] = 1e-4 * room[k]
-        moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
-    shape = process.unit_shape(levels, rate, filter)
-    slope = np.empty((levels.size, 1 + free.size))
-    bend = np.zeros((1 + free.size, 1 + free.size))
-    slope[:, 0] = shape
-    if free.size:
-        jacobian = process.moments_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
-        slope[:, 1:] = process.scale * jacobian[0]
-        bend[0, 1:] = bend[1:, 0] = pull @ jacobian[0]
-        for i in range(free.size):
-            bend[1 + i, 1:] = process.scale * (pull @ (jacobian[1 + 2 * i] - jacobian[2 + 2 * i])) / (2 * steps[i])
-        bend[1:, 1:] = (bend[1:, 1:] + bend[1:, 1:].T) / 2
-    return slope, bend
+def _of_shapes(processes: list[Process], design: Design, pull: Vector) -> Iterator[tuple[Matrix, Vector, Matrix]]:
+    """Yield for the shape of each process of one class its derivatives (q, J), and for the sum of the shape weighted
+    with `pull` the derivatives (q,) and second derivatives (q, q)."""
+    at = np.array([process.nonlinear for process in processes])
+    count = at.shape[1]
+    # ε^(1/4) is the best order of magnitude of central differences (tests/inference/test_criterion.py, by bootstrap).
+    steps = 1e-4 * processes[0].room(at)
+    sides = np.concatenate([np.zeros((1, count)), np.eye(count), -np.eye(count)])
+    moved = (at[:, None] + sides * steps[:, None]).reshape(-1, count)
+    slopes = processes[0].moments_jacobian(moved, design.levels, design.rate, design.filter)
+    slopes = slopes.reshape(len(at), len(sides), -1, count)
+    pulled = pull @ slopes
+    bends = (pulled[:, 1 : 1 + count] - pulled[:, 1 + count :]) / (2 * steps[:, :, None])
+    for slope, cross, bend in zip(slopes[:, 0], pulled[:, 0], bends, strict=True):
+        yield slope.T, cross, (bend + bend.T) / 2
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
