@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Literal
 
 import gmwm
@@ -181,6 +182,8 @@ def calibrate(
         only_file(files, "--workers" if scheduler is None else "--scheduler")
     stated = parse_models(model or [])
     processes = calibration_helpers(plots=output is not None)
+    if output is not None:  # beside the reading, which leaves a processor idle half of the time
+        Thread(target=_prepare_report, daemon=True).start()
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
         load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(terms))
@@ -288,8 +291,15 @@ def calibration_helpers(
     for module in ("scipy.special", "scipy.optimize", before):
         import_module(module)  # here, because all processes need it
     axis_additions()  # the same
-    drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
-    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
+    drawing = ("gmwm.cli.drawing",) if plots and is_installed("matplotlib") else ()
+    return helpers_of(*drawing, count=count)
+
+
+def _prepare_report() -> None:
+    """Import what writes the report, and compile its template."""
+    from gmwm.showing.reports.write import template
+
+    template("report.html")
 
 
 def pictures(found: gmwm.Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:

@@ -146,12 +146,11 @@ def monitor_report(trace: Trace, path: str | os.PathLike[str]) -> Path:
 
 def page(trace: Trace) -> str:
     """Return the summary as HTML, which includes the plot."""
-    from gmwm.showing.reports.write import environment, part  # imports most of gmwm, which plots do not need
+    from gmwm.showing.reports.write import part, template  # imports most of gmwm, which plots do not need
 
     buffer = io.BytesIO()
     trace.plot().savefig(buffer, format="png", dpi=120)
-    template = environment().from_string(part("page/monitor.html"))
-    html: str = template.render(
+    html: str = template("monitor.html").render(
         **monitor_data(trace),
         policy="default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'",
         style=part("page/report.css"), picture=base64.b64encode(buffer.getvalue()).decode(),

@@ -290,32 +290,33 @@ def _grown(low: float, high: float, by: float) -> Vector:
 @lru_cache(maxsize=32)
 def _quadrature(resonances: tuple[Process, ...], rate: float, samples: int, kinks: tuple[float, ...]) -> Quadrature:
     """Return a quadrature whose panels end at `kinks` and are halved at resonances; densities are smooth elsewhere."""
+    halved = [_halved(process, rate) for process in resonances]
+    return _on_panels(np.unique(np.concatenate([_panels(samples, kinks), *halved])).tobytes(), samples)
+
+
+@lru_cache(maxsize=256)
+def _halved(process: Process, rate: float) -> Vector:
+    """Return the ends of panels that are halved until they are accurate at the resonance of a process."""
     splits = 12
-    ends = _panels(samples, kinks)
-    if not resonances:
-        return _on_panels(ends.tobytes(), samples)
-    spectra = [spectrum_of(process, rate) for process in resonances]
+    spectrum, ends = spectrum_of(process, rate), []
 
     def integrals(low: Vector, high: Vector) -> Vector:
         theta, weights = _rule(low, high)
-        # Where the resonances are far below white noise, they need not be accurate.
-        density = 1 + np.sum([spectrum(theta.ravel()) for spectrum in spectra], axis=0)
-        return np.asarray((weights * density.reshape(theta.shape)).sum(axis=1))
+        # Where the resonance is far below white noise, it need not be accurate.
+        return np.asarray((weights * (1 + spectrum(theta.ravel()).reshape(theta.shape))).sum(axis=1))
 
-    low, high = ends[:-1], ends[1:]
+    whole = _panels(1, ())
+    low, high = whole[:-1], whole[1:]
     coarse = integrals(low, high)
     for _ in range(splits):
         middle = np.sqrt(low * high)
-        below, above = np.split(integrals(np.concatenate([low, middle]), np.concatenate([middle, high])), 2)
+        fine = integrals(np.concatenate([low, middle]), np.concatenate([middle, high])).reshape(2, -1)
         # Relative accuracy of the integral of a spectrum over each panel.
-        again = np.abs(below + above - coarse) > 1e-10 * np.abs(below + above)
-        if not np.any(again):
-            break
-        ends = np.concatenate([ends, middle[again]])
-        coarse = np.concatenate([below[again], above[again]])
-        low, middle, high = low[again], middle[again], high[again]
+        again = np.abs(fine.sum(axis=0) - coarse) > 1e-10 * np.abs(fine.sum(axis=0))
+        low, middle, high, coarse = low[again], middle[again], high[again], fine[:, again].ravel()
+        ends += [low, middle, high]
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    return _on_panels(np.sort(ends).tobytes(), samples)
+    return freeze(np.concatenate(ends))
 
 
 @lru_cache(maxsize=32)

@@ -118,8 +118,7 @@ def page(data: dict[str, Any]) -> str:
         "form-action 'none'"
     )
     words = {key: value for key, value in data.items() if key != "pictures"}
-    template = environment().from_string(part("page/report.html"))
-    html: str = template.render(
+    html: str = template("report.html").render(
         **words,
         policy=policy,
         style=_ours(part("page/report.css")),
@@ -129,8 +128,9 @@ def page(data: dict[str, Any]) -> str:
     return html
 
 
-def environment() -> Any:
-    """Return the Jinja environment of the templates. It escapes everything except what a filter marks as safe."""
+@cache
+def template(name: str) -> Any:
+    """Return a Jinja template of this package, compiled. It escapes everything but what a filter marks as safe."""
     import jinja2
 
     templates = jinja2.Environment(
@@ -145,7 +145,7 @@ def environment() -> Any:
     templates.filters["breakable"] = lambda text: _ours(escape(text).replace("+", "+<wbr>").replace(" ", "&nbsp;"))
     templates.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
     templates.filters["trusted"] = _ours
-    return templates
+    return templates.get_template(name)
 
 
 def as_json(value: Any) -> str:
@@ -234,9 +234,8 @@ def one_page_html(calibration: Calibration) -> str:
     """Return the page as HTML, which includes the plot."""
     buffer = io.BytesIO()
     calibration.plot().savefig(buffer, format="png", dpi=150)
-    template = environment().from_string(part("page/one_page.html"))
-    text: str = template.render(
-        **one_page_data(calibration), style=environment().filters["trusted"](part("page/report.css")),
+    text: str = template("one_page.html").render(
+        **one_page_data(calibration), style=_ours(part("page/report.css")),
         picture=base64.b64encode(buffer.getvalue()).decode(),
     )  # fmt: skip
     return text

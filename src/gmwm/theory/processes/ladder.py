@@ -151,6 +151,7 @@ def start_at_zero(process: Process, rate: float) -> StateSpace:
     return StateSpace(F=space.F, Q=space.Q, H=space.H, R=space.R, P0=np.outer(within, within) / size)
 
 
+@lru_cache(maxsize=256)
 def state_space_error(process: Process, rate: float) -> float:
     """Return the largest relative error of the state space's Allan deviation at 1, 2, 4, …, 2^22 samples."""
     if not process.approximate or process.scale == 0:
