@@ -118,18 +118,15 @@ class FitCurve:
         ]
         return np.asarray(sum(curves, np.zeros(len(d.levels))))
 
-    def slopes(self, n: int) -> Vector:
-        """Return the derivatives (p,) of the Allan variance at n samples with respect to the parameters."""
-        return np.array([slope(process, name, n, self.design.rate) for process, name in self.moving])
+    def slopes(self, sizes: Sequence[int]) -> Matrix:
+        """Return the derivatives (p, n) of the Allan variance at numbers of samples (n,) by the parameters."""
+        rate = self.design.rate
+        rows = [sensitivity(p, name, lambda process: process.allan_variance(sizes, rate)) for p, name in self.moving]
+        return np.array(rows).reshape(-1, len(sizes))
 
     def error(self, slopes: Vector) -> float:
         """Return the standard error of a quantity that has these derivatives (p,) with respect to the parameters."""
         return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
-
-
-def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """Return ∂σ²(n)/∂ ln θ of the Allan variance for the parameter `name`, or by the scale itself for None."""
-    return sensitivity(process, name, lambda p: float(p.allan_variance([n], rate)[0]))
 
 
 def sensitivity(process: Process, name: str | None, of: Callable[[Process], T]) -> T:
@@ -194,7 +191,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
         return entry, remark
-    reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, UNBOUNDED_HALF_WIDTH))
+    reach = math.exp(min(0.5 * z * curve.error(curve.slopes([n])[:, 0]) / least, UNBOUNDED_HALF_WIDTH))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = fit.model.allan_variance(np.left_shift(1, wv.levels - 1), wv.rate) / fit.model.wavelet_variance(
             wv.levels, wv.rate, wv.filter
@@ -253,7 +250,7 @@ def _bounded(model: Model, n: int, last: int, rate: float, curve: FitCurve | Non
         return None
     later = [2**k for k in range(n.bit_length(), last.bit_length())]
     rises = model.allan_variance(later, rate) - least
-    here = curve.slopes(n)
-    if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
+    here, *slopes = curve.slopes([n, *later]).T
+    if not any(rise > z * curve.error(each - here) for each, rise in zip(slopes, rises, strict=True)):
         return "unsure"
     return None

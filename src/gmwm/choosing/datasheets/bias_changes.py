@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from statistics import NormalDist
 
 import numpy as np
 
 from gmwm.choosing.datasheets.bias import FitCurve, sensitivity
-from gmwm.choosing.datasheets.effective import is_flicker, is_scale
+from gmwm.choosing.datasheets.effective import is_flicker
 from gmwm.choosing.datasheets.limits import variance_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
@@ -77,18 +78,11 @@ class BiasTerms:
 
         The slow sum v ± s cannot be negative: a uniform prior for positive values gives the mean v + sλ and variance
         s²(1 − uλ − λ²), u = v/s, λ = φ(u)/Φ(u), up to `variance_limit`. A walk estimated as zero is not absent."""
-        total, square, limit, known = 0.0, 0.0, 0.0, dict[int, float]()
-
-        def once(process: Process) -> float:
-            # The derivative with respect to a scale parameter is the variance itself.
-            if id(process) not in known:
-                known[id(process)] = of(process)
-            return known[id(process)]
-
+        total, square, limit, once = 0.0, 0.0, 0.0, cache(of)
         for slow in (True, False) if fast else (True,):
             value = sum(once(p) for p, own in self.processes if own is slow)
             slopes = [
-                sensitivity(p, name, once if is_scale(p, name) else of) if own is slow else 0.0
+                sensitivity(p, name, once) if own is slow else 0.0
                 for (p, name), own in zip(self.curve.moving, self.moving, strict=True)
             ]
             error = self.curve.error(np.array(slopes))
@@ -98,13 +92,13 @@ class BiasTerms:
                 value, error = value + error * hazard, error * math.sqrt(max(1 - u * hazard - hazard**2, 0.0))
                 shapes = [p for p, own in self.processes if own]
                 shapes += [p for (p, _), own in zip(self.curve.moving, self.moving, strict=True) if own]
-                most = float(variance_limit(self.wavelet_variance, shapes, of))
+                most = float(variance_limit(self.wavelet_variance, shapes, once))
                 value, error = min(value, most), min(error, most)
                 limit += most
             else:
                 if error > value:
                     shapes = [p for p, own in self.processes if not own]
-                    error = min(error, float(variance_limit(self.wavelet_variance, shapes, of)))
+                    error = min(error, float(variance_limit(self.wavelet_variance, shapes, once)))
                 limit += value + 2 * error
             total, square = total + value, square + error**2
         return Variance(total, math.sqrt(square) / total if total > 0 else 0.0, limit)

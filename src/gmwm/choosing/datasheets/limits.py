@@ -28,7 +28,7 @@ def variance_limit(
     With wavelet variances ν_p and variances f_p, Σ c_p ν_p is at most a level's upper limit, so Σ c_p f_p at most this
     times max f_p/ν_p; the smallest bound holds. A random walk is always included: slow noise resembles it."""
     seen = wv.variance > 0  # A variance of zero is due to the coarse resolution of the output.
-    parts = [p for p in (*map(at_some_strength, processes), RW(gamma2=1.0)) if p.scale > 0]
+    parts = dict.fromkeys((*map(at_some_strength, processes), RW(gamma2=1.0)))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratios = [
             np.multiply.outer(1 / p.wavelet_variance(wv.levels, wv.rate, wv.filter)[seen], np.asarray(of(p)))
