@@ -6,7 +6,7 @@ The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -77,14 +77,20 @@ def _steps(blocks: int, first: int, last: int) -> Matrix:
 
 @computed_once(1)
 def _changes(blocks: int) -> tuple[Vector, Single, Single]:
-    """Return places (blocks), transformed courses (S, P, n − 1) of `_courses_at`, and Σ c²/λ (S, P, W) in models of
-    white noise and a walk. float32 finds the best place in half the time."""
+    """Return places (blocks), and for them `_searched` (S, P, n − 1) and (S, P, W) of `_courses_at`."""
     places = np.arange(FIRST, blocks - FIRST + 0.5, 0.5)
-    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
-    for of_shape in _courses_at(places, blocks):
-        courses.append(of_shape.astype(np.float32))
-        squares.append((of_shape**2 @ weights).astype(np.float32))
+    courses, squares = _searched(_courses_at(places, blocks), blocks)
     return places, np.stack(courses), np.stack(squares)
+
+
+def _searched(parts: Iterable[Matrix], blocks: int) -> tuple[list[Single], list[Single]]:
+    """Return transformed courses c and Σ c²/λ in models of white noise and a walk, part by part, so that these need
+    little memory. float32 finds the best course in half the time."""
+    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
+    for part in parts:
+        courses.append(part.astype(np.float32))
+        squares.append((part**2 @ weights).astype(np.float32))
+    return courses, squares
 
 
 def _times_of(blocks: int) -> Vector:
@@ -94,12 +100,19 @@ def _times_of(blocks: int) -> Vector:
 
 def _courses_at(places: Vector, blocks: int) -> Iterator[Matrix]:
     """Yield transformed courses (P, n − 1): a jump, and those that settle after a jump or, last, without one."""
-    ramps, times = np.arange(blocks + 1) - places[:, None], _times_of(blocks)
-    steps = np.diff(np.maximum(ramps, 0.0), axis=1)
-    yield transformed(steps)
-    yield from (transformed(decay(ramps, tau)) for tau in times)
+    ramps = np.arange(blocks + 1) - places[:, None]
+    jumps = _jumps_at(places, blocks)
+    decays = [transformed(decay(ramps, tau)) for tau in _times_of(blocks)]
+    yield from (jumps, *decays)
     # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
-    yield from (transformed(steps - decay(ramps, tau)) for tau in times[1:])
+    yield from (jumps - course for course in decays[1:])
+
+
+def _jumps_at(places: NDArray[np.float64], blocks: int) -> NDArray[np.float64]:
+    """Return transformed jumps of size 1 within blocks: a jump before the block and one after it, in proportion."""
+    before, rows = places.astype(np.int64), grid_of(blocks).transform  # which is symmetric
+    share = (places - before)[..., None]
+    return np.asarray((1 - share) * rows[before - 1] + share * rows[before])
 
 
 def decay(edges: Matrix, tau: float) -> Matrix:
@@ -108,8 +121,7 @@ def decay(edges: Matrix, tau: float) -> Matrix:
 
 
 class _Boxes(NamedTuple):
-    """Boxes between two places (blocks): places (P, 2), transformed courses (P, n − 1), and Σ c²/λ (P, W) in models of
-    white noise and a random walk, both in float32."""
+    """Boxes between two places (blocks): places (P, 2), and `_searched` (P, n − 1) and (P, W)."""
 
     places: Matrix
     courses: Single
@@ -119,21 +131,18 @@ class _Boxes(NamedTuple):
 @computed_once(1)
 def _boxes(blocks: int) -> _Boxes:
     """Return the boxes of up to an eighth of the blocks, which all axes share."""
-    places, length = list[tuple[float, float]](), 1.0
+    places, length = list[Matrix](), 1.0
     while length <= blocks / 8:
         begins = np.arange(FIRST, blocks - FIRST - length, max(0.5, length / 8))
-        places += [(begin, begin + length) for begin in begins]
+        places.append(np.stack([begins, begins + length], axis=1))
         length *= 1.5 if length < 2 else 2**0.5
-    corners = np.array(places)
-    courses = _box_courses(corners, blocks)
-    squares = courses**2 @ grid_of(blocks).weights[: _WALKS.size].T
-    return _Boxes(corners, courses.astype(np.float32), squares.astype(np.float32))
+    courses, squares = _searched((_box_courses(corners, blocks) for corners in places), blocks)
+    return _Boxes(np.concatenate(places), np.concatenate(courses), np.concatenate(squares))
 
 
 def _box_courses(places: Matrix, blocks: int) -> Matrix:
     """Return the transformed boxes between pairs of places (P, 2)."""
-    ramps = np.clip(np.arange(1, blocks + 1) - places[:, :, None], 0.0, 1.0)
-    return transformed(ramps[:, 0] - ramps[:, 1])
+    return _jumps_at(places[:, 0], blocks) - _jumps_at(places[:, 1], blocks)
 
 
 def transformed(courses: NDArray[np.float64]) -> NDArray[np.float64]:
