@@ -15,8 +15,8 @@ from gmwm.base.remarks import Remark
 from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, settling_times
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
-from gmwm.measuring.inspection.trends import EXTRA, FEWEST, TrendTest, best_swing, longest_means
-from gmwm.measuring.inspection.wander import Change, Likelihood, decay, transformed
+from gmwm.measuring.inspection.trends import EXTRA, FEWEST, BlockMeans, longest_means
+from gmwm.measuring.inspection.wander import FIRST, Likelihood, decay, transformed
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -41,7 +41,6 @@ _POSSIBLE = _JumpLimits(16.0, 11.0, 1.2, 13.0)
 _SHORT_BOXES = _CLEAR._replace(matters=0.0)
 """Limits of short boxes, such as a disturbance of a few seconds, which raise N more than K."""
 _SHORT = 4  # longest box (blocks) whose ends are placed together
-_FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
 MOST = 10  # largest number of jumps of an axis. More of them are noise, such as two levels
 
 
@@ -70,7 +69,7 @@ def jumps_of(
         return []
     steps = []
     seams = np.array([first for first, _ in extent.unbroken])
-    jumps = sorted(_jumps_in(y))
+    jumps = sorted(_jumps_in(BlockMeans(y)))
     # A short box has no level between its ends: both are placed together.
     boxes = [
         [a, b] for a, b in pairwise(jumps) if b.place - a.place <= _SHORT and abs(a.size + b.size) < abs(a.size) / 2
@@ -144,16 +143,14 @@ def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
     return remarks
 
 
-def _jumps_in(means: Vector) -> list[_Jump]:
+def _jumps_in(means: BlockMeans) -> list[_Jump]:
     """Return the jumps in block means."""
-    likelihood = Likelihood(means)
-    clearest = likelihood.best_change(_FIRST)
-    jumps = _one_by_one(means, clearest) if clearest[0] >= _CLEAR.gain else []
+    jumps = _one_by_one(means) if means.jump[0] >= _CLEAR.gain else []
     boxes = _boxes_in(means)
     if jumps and boxes:
         places = [jump.place for jump in jumps]
-        value = likelihood.with_all(transformed(_courses(places, means.size)))
-        gain = float(np.min(likelihood.without().values)) - value - _CLEAR.together * len(places)
+        value = means.with_all(transformed(_courses(places, means.size)))
+        gain = float(np.min(means.without().values)) - value - _CLEAR.together * len(places)
         jumps = jumps if gain >= max(gain - _CLEAR.together * len(ends) for ends, gain in boxes) else []
     groups = [] if jumps else [*_together(means), *boxes]
     for limits in (_CLEAR, _POSSIBLE):
@@ -167,60 +164,59 @@ def _jumps_in(means: Vector) -> list[_Jump]:
             limits = _SHORT_BOXES
         # A possible jump is compared with a trend as a single one is.
         margin = limits.gain if limits is _POSSIBLE else 0.0
-        if best_swing(likelihood).gain < gain + margin and TrendTest(means).statistic < gain + margin:
-            jumps = _one_by_one(means, clearest, places, gain / len(places), limits=limits)
+        if means.swing.gain < gain + margin and means.trend.statistic < gain + margin:
+            jumps = _one_by_one(means, places, gain / len(places), limits=limits)
     jumps = _with_settling(means, sorted(jumps))
     # Several possible jumps can look like a settling.
     if any(jump.possible or jump.until is not None for jump in jumps):
         return jumps
-    if not jumps and clearest[0] >= _POSSIBLE.gain:
-        jumps = _one_by_one(means, clearest, limits=_POSSIBLE)
-    return _settlings_in(means, jumps, clearest[0]) or jumps
+    if not jumps and means.jump[0] >= _POSSIBLE.gain:
+        jumps = _one_by_one(means, limits=_POSSIBLE)
+    return _settlings_in(means, jumps) or jumps
 
 
-def _settlings_in(means: Vector, jumps: Sequence[_Jump], clearest: float) -> list[_Jump]:
+def _settlings_in(means: BlockMeans, jumps: Sequence[_Jump]) -> list[_Jump]:
     """Return the settlings, such as a creep or a second warm-up, as possible jumps if they raise K and describe the
-    means better than jumps or a sinusoid, beside a trend. They begin with a jump of gain `clearest` or without one."""
-    likelihood, edges = Likelihood(means), np.arange(means.size + 1, dtype=np.float64)
-    gain = likelihood.best_change(_FIRST, settles=True)[0]
+    means better than jumps or a sinusoid, beside a trend. They begin with a jump or without one."""
+    edges = np.arange(means.size + 1, dtype=np.float64)
+    clearest, gain = means.jump[0], means.settling[0]
     if gain < _CLEAR.gain + EXTRA:
         return []
-    rival = best_swing(likelihood).gain
+    rival = means.swing.gain
     if jumps:
         courses = transformed(_courses([jump.place for jump in jumps], means.size))
-        together = float(np.min(likelihood.without().values)) - likelihood.with_all(courses)
+        together = float(np.min(means.without().values)) - means.with_all(courses)
         rival = max(rival, together - _CLEAR.together * (len(jumps) - 1))
     # The 99 % quantile of χ² with one degree of freedom, for the time constant.
     if gain < rival + 6.6:
         return []
-    trend = TrendTest(means)
-    if trend.kind is not None and gain < trend.statistic + 6.6:
-        means = means - trend.course()
-    settlings, courses, y, likelihood = list[_Jump](), np.empty((0, means.size)), means, Likelihood(means)
+    if means.trend.kind is not None and gain < means.trend.statistic + 6.6:
+        means = BlockMeans(means.means - means.trend.course())
+    settlings, courses, rest = list[_Jump](), np.empty((0, means.size)), means
     while len(settlings) < MOST:
-        gain, place, tau, weights = Likelihood(y).best_change(_FIRST, settles=True)
+        gain, place, tau, weights = rest.settling
         if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in settlings):
             break
         # Other shapes, such as a logarithm, are close to two exponentials.
         decays = [decay(edges - place, tau * k) for k in (1, 4)]
         courses = np.vstack([courses, _courses([place], means.size), *decays])
-        sizes = _sizes(likelihood, courses, np.sqrt(weights))
+        sizes = _sizes(means, courses, np.sqrt(weights))
         until = None if gain < clearest else min(place + 4 * tau, float(means.size))
         settlings.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
-        y = means - sizes @ courses
+        rest = BlockMeans(means.means - sizes @ courses)
     _, sizes, basis = np.linalg.svd(transformed(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
-    without_courses, with_courses = (likelihood.walk(of, alone=True)[0] for of in (independent, basis[:0]))
+    without_courses, with_courses = (means.walk(of, alone=True)[0] for of in (independent, basis[:0]))
     # Otherwise K without them is within the interval of K, half of whose width is seldom below 10 %.
     return settlings if without_courses < 0.9**2 * with_courses else []
 
 
-def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
+def _with_settling(means: BlockMeans, jumps: list[_Jump]) -> list[_Jump]:
     """Return jumps, in order, with the end of each settling: a jump and an exponential decay describe the means better
     than the jump alone, or than the jumps that follow closely (tests/test_inspection_faults.py)."""
     if not 0 < len(jumps) < MOST or any(jump.possible for jump in jumps):
         return jumps
-    likelihood, edges = Likelihood(means), np.arange(means.size + 1)
+    edges = np.arange(means.size + 1)
     places = [jump.place for jump in jumps]
     # A settling looks like jumps at most 8 blocks apart.
     chains = np.split(np.arange(len(jumps)), np.flatnonzero(np.diff(places) > 8) + 1)
@@ -230,10 +226,10 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
             others = places[:first] + places[last + 1 :]
             for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
                 courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
-                value = likelihood.with_all(transformed(courses))
+                value = means.with_all(transformed(courses))
                 # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
                 fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
-        base, (value, until) = likelihood.with_all(transformed(_courses(places, means.size))), min(fits)
+        base, (value, until) = means.with_all(transformed(_courses(places, means.size))), min(fits)
         if value < base and until:
             until = min(max(until, places[chain[-1]] + 1), means.size)
             for k in chain:
@@ -242,50 +238,44 @@ def _with_settling(means: Vector, jumps: list[_Jump]) -> list[_Jump]:
 
 
 def _one_by_one(
-    means: Vector, clearest: Change, places: Sequence[float] = (), gain_of_each: float = 0.0, *,
-    limits: _JumpLimits = _CLEAR,
-) -> list[_Jump]:  # fmt: skip
-    """Return jumps at these places and at further ones, each clear by itself; `clearest` is the best step as is."""
-    base_likelihood, y, sizes = Likelihood(means), means, np.empty(0)
+    means: BlockMeans, places: Sequence[float] = (), gain_of_each: float = 0.0, *, limits: _JumpLimits = _CLEAR
+) -> list[_Jump]:
+    """Return jumps at these places and at further ones, each clear by itself."""
+    rest, sizes = means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
         courses = _courses(places, means.size)
-        sizes = _sizes(base_likelihood, courses, np.sqrt(base_likelihood.grid.weights[0]))
-        y = np.asarray(means - sizes @ courses)
+        sizes = _sizes(means, courses, np.sqrt(means.grid.weights[0]))
+        rest = BlockMeans(means.means - sizes @ courses)
     while len(places) < MOST:
-        likelihood = Likelihood(y)
-        gain, place, _, weights = likelihood.best_change(_FIRST) if places else clearest
-        if (
-            gain < (limits.more if places else limits.gain)
-            or best_swing(likelihood).gain >= gain
-            or TrendTest(y).statistic >= gain
-        ):
+        gain, place, _, weights = rest.jump
+        if gain < (limits.more if places else limits.gain) or rest.swing.gain >= gain or rest.trend.statistic >= gain:
             break
         root = np.sqrt(weights)
-        place = _within_block(likelihood, place, root)
+        place = _within_block(rest, place, root)
         if any(abs(place - other) < 1 for other in places):
             break  # what is left of a jump in means without noise
         places.append(place)
         gains.append(gain)
         courses = _courses(places, means.size)
-        sizes = _sizes(base_likelihood, courses, root)
-        y = np.asarray(means - sizes @ courses)
+        sizes = _sizes(means, courses, root)
+        rest = BlockMeans(means.means - sizes @ courses)
     if not places or _raising(means, _courses(places, means.size)) <= limits.matters:
         return []
     possible = limits is _POSSIBLE
     return [_Jump(place, float(size), gain, possible) for place, size, gain in zip(places, sizes, gains, strict=True)]
 
 
-def _together(means: Vector) -> list[tuple[list[float], float]]:
+def _together(means: BlockMeans) -> list[tuple[list[float], float]]:
     """Return the places of one, two, … jumps, the best ones in white noise, and the reduction of −2 log L by them."""
-    likelihood, edges = Likelihood(means), np.arange(means.size + 1)
-    without = float(np.min(likelihood.without().values))
-    sums = np.concatenate([[0.0], np.cumsum(means - np.mean(means))])
+    edges = np.arange(means.size + 1)
+    without = float(np.min(means.without().values))
+    sums = np.concatenate([[0.0], np.cumsum(means.means - np.mean(means.means))])
     length = edges - edges[:, None]
     # The sum of squares that the level of each part takes away, which the best division maximises (Auger and Lawrence
     # 1989, Bull. Math. Biol. 51, 39-54).
     taken = np.where(length > 0, (sums - sums[:, None]) ** 2 / np.maximum(length, 1), -np.inf)
-    taken[0, :_FIRST] = taken[1 - _FIRST + means.size :, -1] = -np.inf
+    taken[0, :FIRST] = taken[1 - FIRST + means.size :, -1] = -np.inf
     best, before, groups = taken[0], list[Integers](), list[tuple[list[float], float]]()
     while len(groups) < MOST - 1:
         totals = best[:, None] + taken
@@ -295,25 +285,23 @@ def _together(means: Vector) -> list[tuple[list[float], float]]:
         for of_end in reversed(before):
             places.insert(0, int(of_end[places[0]]))
         courses = transformed(_courses(places[:-1], means.size))
-        groups.append((list(map(float, places[:-1])), without - likelihood.with_all(courses, alone=True)))
+        groups.append((list(map(float, places[:-1])), without - means.with_all(courses, alone=True)))
     return groups
 
 
-def _boxes_in(means: Vector) -> list[tuple[list[float], float]]:
+def _boxes_in(means: BlockMeans) -> list[tuple[list[float], float]]:
     """Return the places of the ends of one, two, … boxes, and the reduction of −2 log L by all of them."""
-    likelihood, places, y = Likelihood(means), list[float](), means
+    places, rest = list[float](), means
     while len(places) < MOST - 1:
-        gain, ends, weights = Likelihood(y).best_box(_FIRST)
+        gain, ends, weights = rest.best_box()
         if gain < _POSSIBLE.gain + _POSSIBLE.together or any(abs(a - b) < 1 for a in places for b in ends):
             break
         places += ends
         courses = _courses(places, means.size)
-        y = means - _sizes(likelihood, courses, np.sqrt(weights)) @ courses
+        rest = BlockMeans(means.means - _sizes(means, courses, np.sqrt(weights)) @ courses)
     if not places:
         return []
-    gains = float(np.min(likelihood.without().values)) - likelihood.with_first(
-        transformed(_courses(places, means.size))
-    )
+    gains = float(np.min(means.without().values)) - means.with_first(transformed(_courses(places, means.size)))
     return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
 
 
@@ -341,9 +329,8 @@ def _within_block(likelihood: Likelihood, place: float, root: Vector) -> float:
     return min(fits)[1]
 
 
-def _raising(means: Vector, courses: Matrix) -> float:
+def _raising(means: Likelihood, courses: Matrix) -> float:
     """Return the ratio of K with jumps to the upper limit of K that the noise between them shows."""
-    likelihood = Likelihood(means)
     courses = transformed(courses)
-    (with_jumps, _), (_, limit) = (likelihood.walk(of, alone=True) for of in (courses[:0], courses))
+    (with_jumps, _), (_, limit) = (means.walk(of, alone=True) for of in (courses[:0], courses))
     return math.sqrt(with_jumps / limit) if limit > 0 else math.inf

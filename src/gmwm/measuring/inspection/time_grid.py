@@ -124,16 +124,12 @@ class Extremes:
         """Add samples."""
         if not values.size:
             return
-        largest = float(np.max(values))
-        smaller = values[values < largest]
-        new = [largest, float(np.max(smaller))] if smaller.size else [largest]
-        levels = np.unique([*self.levels.tolist(), *new])[-2:]
-        counts = [int(np.count_nonzero(values == level)) + self._count(level) for level in levels]
-        self.levels, self.counts = levels, np.array(counts)
-
-    def _count(self, level: float) -> int:
-        at = np.flatnonzero(self.levels == level)
-        return int(self.counts[at[0]]) if at.size else 0
+        # The second value from the top of some samples is at most that of all.
+        some = np.unique(values[::64])[-2:]
+        values, numbers = np.unique(values[values >= some[0]] if some.size > 1 else values, return_counts=True)
+        levels, places = np.unique(np.concatenate([self.levels, values]), return_inverse=True)
+        counts = np.bincount(places, np.concatenate([self.counts, numbers])).astype(np.int64)
+        self.levels, self.counts = levels[-2:], counts[-2:]
 
     def is_clipped(self, samples: int, step: float, noise: float) -> bool:
         """Return whether the noise (standard deviation before rounding) would extend beyond the largest value.

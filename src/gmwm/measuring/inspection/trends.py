@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -86,7 +87,7 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return None
-    test = TrendTest(y)
+    test = BlockMeans(y).trend
     if test.kind is None or test.pvalue > _SIZE:
         return None
     step, start = length / extent.rate, float(extent.times(samples[:1])[0]) - extent.starts[0]
@@ -122,10 +123,9 @@ class TrendTest:
     """Test for a trend in block means, times in blocks. `statistic` is the reduction of −2 log L, minus `EXTRA` for a
     second parameter; `kind` is None if a jump describes the means better."""
 
-    def __init__(self, means: Vector) -> None:
-        n = means.size
-        self._means = means
-        self._likelihood = likelihood = Likelihood(means)
+    def __init__(self, likelihood: Likelihood) -> None:
+        self._likelihood, self._means = likelihood, likelihood.means
+        n = self._means.size
         self._none = likelihood.without()
         times = np.geomspace(1.0, 1.5 * n, 18)
         decays, courses = self._decays(times)
@@ -271,13 +271,22 @@ class SwingFit(NamedTuple):
     model: int
 
 
-def best_swing(likelihood: Likelihood) -> SwingFit:
-    """Return the sinusoid that describes block means best, in addition to noise."""
-    waves = waves_of(likelihood.z.size + 1, tuple(_PERIODS.tolist()))
-    values = likelihood.with_pairs(waves).values
-    model, k = np.unravel_index(np.argmin(values), values.shape)
-    gain = float(np.min(likelihood.without().values) - values[model, k])
-    return SwingFit(gain, float(_PERIODS[k]), np.vstack([waves.first[k], waves.second[k]]), int(model))
+class BlockMeans(Likelihood):
+    """Block means with their trend and their best sinusoid, each computed once."""
+
+    @cached_property
+    def trend(self) -> TrendTest:
+        """The test for a trend."""
+        return TrendTest(self)
+
+    @cached_property
+    def swing(self) -> SwingFit:
+        """The sinusoid that describes the means best, in addition to noise."""
+        waves = waves_of(self.size, tuple(_PERIODS.tolist()))
+        values = self.with_pairs(waves).values
+        model, k = np.unravel_index(np.argmin(values), values.shape)
+        gain = float(np.min(self.without().values) - values[model, k])
+        return SwingFit(gain, float(_PERIODS[k]), np.vstack([waves.first[k], waves.second[k]]), int(model))
 
 
 def swing_of(
@@ -290,9 +299,9 @@ def swing_of(
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return None
-    likelihood = Likelihood(y)
+    likelihood = BlockMeans(y)
     periods = y.size * length / extent.rate / DAY_S
-    fit, harmonics = best_swing(likelihood), 1
+    fit, harmonics = likelihood.swing, 1
     if periods >= _DAYS:
         day = _fit_of(likelihood, periods * np.arange(1.0, _HARMONICS + 1))
         if day.gain > fit.gain - _GAIN:
@@ -320,7 +329,7 @@ def _cycle_of(
     gain, band = likelihood.best_band(int(2 * _PERIODS[0]))
     if gain < _GAIN:
         return None
-    size = likelihood.z.size + 1
+    size = likelihood.size
     periods, reach = (band.start + band.stop + 1) / 4, (band.stop - band.start) / 4 + 1
     at = np.pi * periods / size
     power = float(np.sum(likelihood.z[band] ** 2)) / size / (2 * np.sin(at) * np.sinc(at / np.pi)) ** 2
@@ -340,7 +349,7 @@ def _cycle_of(
 
 def _fit_of(likelihood: Likelihood, periods: Vector) -> SwingFit:
     """Return the fit of sinusoids of these numbers of periods together."""
-    size = likelihood.z.size + 1
+    size = likelihood.size
     at = 2 * np.pi * np.outer(periods, np.arange(size) + 0.5) / size
     courses = transformed(np.vstack([np.cos(at), np.sin(at)]))
     without = likelihood.without().values

@@ -6,8 +6,9 @@ The sine transform z_k = √(2/n) Σ d_i sin(πki/n) of differences d of n means
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,9 @@ _TIMES = (1.5, 5.0, 16.0)
 """Correlation times of the Gauss-Markov process (blocks); above a tenth of the recording it is close to a walk."""
 _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency, relative to the density of the white noise."""
+FIRST = 3  # blocks at the beginning and the end in which a change is treated as a warm-up
 Change = tuple[float, float, float, Vector]
+"""Reduction of −2 log L by a jump or settling, its place and time constant (blocks), and weights of the noise model."""
 Single = NDArray[np.float32]
 
 
@@ -73,15 +76,21 @@ def _steps(blocks: int, first: int, last: int) -> Matrix:
 
 
 @computed_once(1)
-def _changes(blocks: int, first: int) -> tuple[Vector, Single, Single]:
-    """Return places (blocks), transformed courses (S, P, n − 1) of `_courses_at`, and Σ c²/λ (S, P, W) in models of
-    white noise and a walk. float32 finds the best place in half the time."""
-    places = np.arange(first, blocks - first + 0.5, 0.5)
-    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
-    for of_shape in _courses_at(places, blocks):
-        courses.append(of_shape.astype(np.float32))
-        squares.append((of_shape**2 @ weights).astype(np.float32))
+def _changes(blocks: int) -> tuple[Vector, Single, Single]:
+    """Return places (blocks), and for them `_searched` (S, P, n − 1) and (S, P, W) of `_courses_at`."""
+    places = np.arange(FIRST, blocks - FIRST + 0.5, 0.5)
+    courses, squares = _searched(_courses_at(places, blocks), blocks)
     return places, np.stack(courses), np.stack(squares)
+
+
+def _searched(parts: Iterable[Matrix], blocks: int) -> tuple[list[Single], list[Single]]:
+    """Return transformed courses c and Σ c²/λ in models of white noise and a walk, part by part, so that these need
+    little memory. float32 finds the best course in half the time."""
+    weights, courses, squares = grid_of(blocks).weights[: _WALKS.size].T, list[Single](), list[Single]()
+    for part in parts:
+        courses.append(part.astype(np.float32))
+        squares.append((part**2 @ weights).astype(np.float32))
+    return courses, squares
 
 
 def _times_of(blocks: int) -> Vector:
@@ -91,12 +100,19 @@ def _times_of(blocks: int) -> Vector:
 
 def _courses_at(places: Vector, blocks: int) -> Iterator[Matrix]:
     """Yield transformed courses (P, n − 1): a jump, and those that settle after a jump or, last, without one."""
-    ramps, times = np.arange(blocks + 1) - places[:, None], _times_of(blocks)
-    steps = np.diff(np.maximum(ramps, 0.0), axis=1)
-    yield transformed(steps)
-    yield from (transformed(decay(ramps, tau)) for tau in times)
+    ramps = np.arange(blocks + 1) - places[:, None]
+    jumps = _jumps_at(places, blocks)
+    decays = [transformed(decay(ramps, tau)) for tau in _times_of(blocks)]
+    yield from (jumps, *decays)
     # A mean that begins to move slowly looks like a jump if its time constant is shorter than two blocks.
-    yield from (transformed(steps - decay(ramps, tau)) for tau in times[1:])
+    yield from (jumps - course for course in decays[1:])
+
+
+def _jumps_at(places: NDArray[np.float64], blocks: int) -> NDArray[np.float64]:
+    """Return transformed jumps of size 1 within blocks: a jump before the block and one after it, in proportion."""
+    before, rows = places.astype(np.int64), grid_of(blocks).transform  # which is symmetric
+    share = (places - before)[..., None]
+    return np.asarray((1 - share) * rows[before - 1] + share * rows[before])
 
 
 def decay(edges: Matrix, tau: float) -> Matrix:
@@ -105,8 +121,7 @@ def decay(edges: Matrix, tau: float) -> Matrix:
 
 
 class _Boxes(NamedTuple):
-    """Boxes between two places (blocks): places (P, 2), transformed courses (P, n − 1), and Σ c²/λ (P, W) in models of
-    white noise and a random walk, both in float32."""
+    """Boxes between two places (blocks): places (P, 2), and `_searched` (P, n − 1) and (P, W)."""
 
     places: Matrix
     courses: Single
@@ -114,23 +129,20 @@ class _Boxes(NamedTuple):
 
 
 @computed_once(1)
-def _boxes(blocks: int, first: int) -> _Boxes:
+def _boxes(blocks: int) -> _Boxes:
     """Return the boxes of up to an eighth of the blocks, which all axes share."""
-    places, length = list[tuple[float, float]](), 1.0
+    places, length = list[Matrix](), 1.0
     while length <= blocks / 8:
-        begins = np.arange(first, blocks - first - length, max(0.5, length / 8))
-        places += [(begin, begin + length) for begin in begins]
+        begins = np.arange(FIRST, blocks - FIRST - length, max(0.5, length / 8))
+        places.append(np.stack([begins, begins + length], axis=1))
         length *= 1.5 if length < 2 else 2**0.5
-    corners = np.array(places)
-    courses = _box_courses(corners, blocks)
-    squares = courses**2 @ grid_of(blocks).weights[: _WALKS.size].T
-    return _Boxes(corners, courses.astype(np.float32), squares.astype(np.float32))
+    courses, squares = _searched((_box_courses(corners, blocks) for corners in places), blocks)
+    return _Boxes(np.concatenate(places), np.concatenate(courses), np.concatenate(squares))
 
 
 def _box_courses(places: Matrix, blocks: int) -> Matrix:
     """Return the transformed boxes between pairs of places (P, 2)."""
-    ramps = np.clip(np.arange(1, blocks + 1) - places[:, :, None], 0.0, 1.0)
-    return transformed(ramps[:, 0] - ramps[:, 1])
+    return _jumps_at(places[:, 0], blocks) - _jumps_at(places[:, 1], blocks)
 
 
 def transformed(courses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -203,7 +215,7 @@ class Likelihood:
     """The likelihood of n block means. A course is a known function of time with an unknown coefficient."""
 
     def __init__(self, means: Vector) -> None:
-        self.grid = grid_of(means.size)
+        self.means, self.size, self.grid = means, means.size, grid_of(means.size)
         self.z = self.grid.transform @ np.diff(means)
         self._flat = self.grid.weights @ self.z**2
 
@@ -238,36 +250,44 @@ class Likelihood:
         cross = np.linalg.solve(root, (self.grid.weights @ (courses * self.z).T)[:, :, None])[:, :, 0]
         return np.asarray(np.min(self._profile(self._flat[:, None] - np.cumsum(cross**2, axis=1)).values, axis=0))
 
-    def best_change(self, first: int, *, settles: bool = False) -> Change:
-        """Return the reduction of −2 log L by the best jump, or settling, its place and time constant (blocks), and the
-        weights of the noise model. The place of a shape is the best one beside white noise and a walk."""
-        shapes, blocks = slice(1, None) if settles else slice(1), self.z.size + 1
-        places, courses, squares = _changes(blocks, first)
+    @cached_property
+    def jump(self) -> Change:
+        """The best jump."""
+        return self._best_change(slice(1))
+
+    @cached_property
+    def settling(self) -> Change:
+        """The best settling, after a jump or without one."""
+        return self._best_change(slice(1, None))
+
+    def _best_change(self, shapes: slice) -> Change:
+        """Return the best change of these shapes, each at the best place beside white noise and a walk."""
+        places, courses, squares = _changes(self.size)
         taken = self._taken(courses[shapes], squares[shapes])
         # For each shape and model, the place that explains most is the best one.
         values = self._minus2(self._flat[: _WALKS.size] - np.max(taken, axis=1), self.grid.logs[: _WALKS.size])
         rows = np.arange(len(values))
         best = places[np.argmax(taken[rows, :, np.argmin(values, axis=1)], axis=1)]
-        values = self.with_one(np.stack(list(_courses_at(best, blocks)))[shapes][rows, rows]).values
+        values = self.with_one(np.stack(list(_courses_at(best, self.size)))[shapes][rows, rows]).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
-        gain, times = float(np.min(self.without().values) - values[model, shape]), _times_of(blocks)
+        gain, times = float(np.min(self.without().values) - values[model, shape]), _times_of(self.size)
         time = np.concatenate([[0.0], times, times[1:]])[shapes][shape]
         return gain, float(best[shape]), float(time), self.grid.weights[model]
 
-    def best_box(self, first: int) -> tuple[float, tuple[float, float], Vector]:
+    def best_box(self) -> tuple[float, tuple[float, float], Vector]:
         """Return the reduction of −2 log L by the best box, its places (blocks), and the weights of the noise model,
         beside white noise and a random walk."""
-        boxes = _boxes(self.z.size + 1, first)
+        boxes = _boxes(self.size)
         best = np.unique(np.argmax(self._taken(boxes.courses, boxes.squares), axis=0))
-        values = self.with_one(_box_courses(boxes.places[best], self.z.size + 1)).values
+        values = self.with_one(_box_courses(boxes.places[best], self.size)).values
         model, shape = np.unravel_index(np.argmin(values), values.shape)
         places, weights = boxes.places[best[shape]], self.grid.weights[model]
         for k in (0, 1, 0, 1):
             # The grid of places is as wide as an eighth of the length, and lengths are 41 % apart.
             near = np.repeat(places[None, :], 41, axis=0)
             near[:, k] += np.linspace(-0.25, 0.25, 41) * (places[1] - places[0])
-            near = near[(near[:, 0] >= first) & (near[:, 1] <= self.z.size + 1 - first)]
-            courses = _box_courses(near, self.z.size + 1)
+            near = near[(near[:, 0] >= FIRST) & (near[:, 1] <= self.size - FIRST)]
+            courses = _box_courses(near, self.size)
             places = near[np.argmax((courses @ (weights * self.z)) ** 2 / (courses**2 @ weights))]
         begin, end = places.tolist()
         return float(np.min(self.without().values) - values[model, shape]), (begin, end), weights
@@ -294,7 +314,7 @@ class Likelihood:
 
     def with_steps(self, models: Integers, first: int, last: int) -> Matrix:
         """Return −2 log L of some models with a jump before or in the middle of each block from `first` to `last`."""
-        shapes, weights = _steps(self.z.size + 1, first, last), self.grid.weights[models]
+        shapes, weights = _steps(self.size, first, last), self.grid.weights[models]
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
         return self._minus2(self._flat[models][:, None] - taken, self.grid.logs[models][:, None])
 

@@ -64,8 +64,10 @@ def measure(batches: Iterable[Batch], measured: Mapping[str, Measurement], threa
         return
 
     def clean(batch: Batch) -> Batch:
-        signals = in_threads(lambda axis, one: one.clean(batch.signals[axis]), measured, threads=threads)
-        return replace(batch, signals=signals)
+        # The last axes, accelerometers, take longest, as they feel most knocks.
+        last_first = dict(reversed(list(measured.items())))
+        signals = in_threads(lambda axis, one: one.clean(batch.signals[axis]), last_first, threads=threads)
+        return replace(batch, signals={axis: signals[axis] for axis in measured})
 
     def add(batch: Batch) -> None:
         in_threads(
