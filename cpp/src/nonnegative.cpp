@@ -13,8 +13,23 @@ namespace {
 
 // a - c b
 GMWM_INLINE void subtract(double* a, double c, const double* b, std::size_t n) {
-  for (std::size_t i = 0; i < n; ++i) a[i] -= c * b[i];
+  std::size_t i = 0;
+  for (; i + Pack::size <= n; i += Pack::size) (Pack::load(a + i) - Pack::of(c) * Pack::load(b + i)).store(a + i);
+  for (; i < n; ++i) a[i] -= c * b[i];
 }
+
+// Projects columns out of a vector, some of them together, so that their products do not wait for each other.
+GMWM_INLINE void take_out_inline(const double* columns, std::size_t n, std::size_t count, double* vector, double* r) {
+  constexpr std::size_t together = 8;
+  double along[together];
+  for (std::size_t from = 0; from < count; from += together) {
+    const std::size_t size = std::min(together, count - from);
+    for (std::size_t k = 0; k < size; ++k) along[k] = dot_product(columns + (from + k) * n, vector, n);
+    for (std::size_t k = 0; k < size; ++k) subtract(vector, along[k], columns + (from + k) * n, n);
+    for (std::size_t k = 0; r && k < size; ++k) r[from + k] += along[k];
+  }
+}
+constexpr Clones<take_out_inline> take_out{};
 
 // Makes column k of q orthogonal to the k columns before it, twice; adds the coefficients to r. Returns its length
 // before and after.
@@ -25,21 +40,10 @@ struct Lengths {
 GMWM_INLINE Lengths orthogonalise_inline(double* columns, std::size_t n, std::size_t k, double* r) {
   double* q = columns + k * n;
   const double before = std::sqrt(dot_product(q, q, n));
-  for (int pass = 0; pass < 2; ++pass)
-    for (std::size_t i = 0; i < k; ++i) {
-      const double c = dot_product(columns + i * n, q, n);
-      r[i] += c;
-      subtract(q, c, columns + i * n, n);
-    }
+  for (int pass = 0; pass < 2; ++pass) take_out_inline(columns, n, k, q, r);
   return {before, std::sqrt(dot_product(q, q, n))};
 }
 constexpr Clones<orthogonalise_inline> orthogonalise{};
-
-// Projects columns out of a vector, one after the other (modified Gram-Schmidt).
-GMWM_INLINE void take_out_inline(const double* columns, std::size_t n, std::size_t count, double* vector) {
-  for (std::size_t k = 0; k < count; ++k) subtract(vector, dot_product(columns + k * n, vector, n), columns + k * n, n);
-}
-constexpr Clones<take_out_inline> take_out{};
 
 }  // namespace
 
@@ -175,7 +179,7 @@ bool often_near(std::span<const double> data, std::span<const double> limits, st
 }
 
 void NonNegative::project_out(std::span<double> vector) const {
-  take_out(q_.data(), target_.size(), passive_.size(), vector.data());
+  take_out(q_.data(), target_.size(), passive_.size(), vector.data(), nullptr);
 }
 
 }  // namespace gmwm

@@ -86,12 +86,15 @@ def shapes(process: type[Process], places: list[Place], levels: Integers, rate: 
     """Return the wavelet variances (n, J) of a process with scale coefficient 1 at n places of its curve."""
     if not places:
         return np.empty((0, levels.size))
+    return shape_at(process, values_at(places), levels, rate=rate, filter=filter)
+
+
+def values_at(places: list[Place]) -> Matrix:
+    """Return the nonlinear parameter (n, 1) at n places."""
     first, u = places[0][0], np.array([at for _, at in places])
     if all(branch is first for branch, _ in places):
-        parameters = first.values(u)
-    else:
-        parameters = np.concatenate([branch.values(np.array([at])) for branch, at in places])
-    return shape_at(process, parameters, levels, rate=rate, filter=filter)
+        return first.values(u)
+    return np.concatenate([branch.values(np.array([at])) for branch, at in places])
 
 
 @lru_cache(maxsize=16)

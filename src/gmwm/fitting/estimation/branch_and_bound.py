@@ -12,10 +12,9 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.threads import check_stop
-from gmwm.fitting.estimation.atoms import Place, close_up, grid, shape_at, shapes, slope_at, table
+from gmwm.fitting.estimation.atoms import Place, close_up, grid, shape_at, shapes, slope_at, table, values_at
 from gmwm.fitting.estimation.problem import Problem
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.parameter import Branch
 
 
 @dataclass(frozen=True)
@@ -196,15 +195,13 @@ class Search:
         """Return the curved processes of an optimum and, if `ends`, the processes that fit as well as them."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
-        scales = problem.scales(curved, best.weights[len(problem.linear) :])
-        terms = [
-            FittedTerm((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
-            for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
-        ]
+        scales = problem.scales(curved, best.weights[len(problem.linear) :]).tolist()
+        acting = [self._acts_as(best, i) if ends else None for i in range(len(places))]
         # Terms without weight have no place. They get the shortest correlation time and the scale coefficient 0.
-        branch = self.grid.branches[0]
-        missing = FittedTerm((self._value(branch, branch.high),), 0.0)
-        return (*terms, *[missing] * (len(problem.curved) - len(places)))
+        branch, missing = self.grid.branches[0], len(problem.curved) - len(places)
+        values = values_at([*places, *[(branch, branch.high)] * missing])[:, 0].tolist()
+        terms = zip(values, [*scales, *[0.0] * missing], [*acting, *[None] * missing], strict=True)
+        return tuple(FittedTerm((value,), scale, acts_as) for value, scale, acts_as in terms)
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
         """Return the process at an end of the branch that fits as well as the curved process `index`, if any."""
@@ -217,9 +214,6 @@ class Search:
             if name and (u == end or self.problem.as_low(self.at(places).objective, best.objective, LIMITS.acts_as)):
                 return name
         return None
-
-    def _value(self, branch: Branch, u: float) -> float:
-        return float(branch.values(np.array([u]))[0, 0])
 
 
 def newton_places(

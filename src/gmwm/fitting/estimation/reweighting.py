@@ -170,17 +170,18 @@ def _nearly_settled(
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
+    at = model_of(problem, solution, wv.slope)
     # Weights have then converged to a few per cent, sufficient to compare models.
     for k in range(3):
-        at = model_of(problem, solution, wv.slope).sorted(wv.rate)
-        wavelet = drawn_covariance(at, design, wv.variance)
+        wavelet = drawn_covariance(at.sorted(wv.rate), design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
             raise no_noise(model.structure)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         # The first weights differ so much from those of the data that rounding decides where a descent from the last
         # optimum ends. The scan for free processes would take as long as all the rest.
         solution = resume(problem, solution) if k or problem.free else solve(problem, certify=False)
-        if not np.all(_implied_curve(problem, solution, wv) > 0):
+        at = model_of(problem, solution, wv.slope)
+        if not np.all(_curve(at, wv) > 0):
             # Under the full weights of a poor estimate, a model without noise can be the best one. It never is under
             # weights without covariances.
             wavelet = np.diag(np.diag(wavelet))

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from gmwm.base import _core
-from gmwm.base.arrays import Matrix, Vector
+from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.theory.filters import WaveletFilter
@@ -22,6 +22,7 @@ CURVE_FREEDOM = 30.0
 """Degrees of freedom of the smooth curve in the average with a level (tests/estimation/test_weights.py)."""
 
 
+@lru_cache(maxsize=12)
 def smoothed(wv: WaveletVariance) -> Vector:
     """Compute (η ν̂² + 30 ν̃²)/(η + 30) (J,), smooth curve ν̃², η degrees of freedom; ν̂² if a level is zero."""
     if not np.all(wv.variance > 0):
@@ -31,7 +32,7 @@ def smoothed(wv: WaveletVariance) -> Vector:
     design = Design.of(wv)
     _, shapes = _candidates(tuple(wv.levels.tolist()), design.longest, wv.rate, design.filter)
     curve, _ = _likeliest(observed, freedom, shapes)
-    return drawn(unit * observed, freedom, unit * curve)
+    return freeze(drawn(unit * observed, freedom, unit * curve))
 
 
 def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
