@@ -291,8 +291,8 @@ def calibration_helpers(
     for module in ("scipy.special", "scipy.optimize", before):
         import_module(module)  # here, because all processes need it
     axis_additions()  # the same
-    drawing = ("gmwm.cli.drawing",) if plots and is_installed("matplotlib") else ()
-    return helpers_of(*drawing, count=count)
+    drawing = ("gmwm.showing.plots.imu", "gmwm.showing.plots.matplotlib")
+    return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
 def _prepare_report() -> None:

@@ -113,9 +113,9 @@ def fleet(
 
 
 def _load_drawing() -> None:
-    """Import what draws the picture, which takes 0.2 s, while workers calibrate."""
+    """Import what draws the picture, which takes 0.4 s, while workers calibrate."""
     if is_installed("matplotlib"):
-        import_module("gmwm.cli.drawing")
+        import_module("gmwm.showing.plots.matplotlib")
 
 
 def _check(folder: Path, *, scheduler: str | None, workers: int | None) -> None:
