@@ -102,11 +102,11 @@ def test_spared_parts_of_libraries_can_be_used():
 from gmwm.cli.command import _spare_libraries
 _spare_libraries()
 import numpy, scipy.signal, scipy.stats
-print(numpy.ma.masked_equal([1, 2], 2).sum(), numpy.char.upper("a"), scipy.stats.ttest_1samp([1.0, 3.0], 2.0).pvalue)
+print(numpy.ma.masked_equal([1, 2], 2).sum(), scipy.stats.ttest_1samp([1.0, 3.0], 2.0).pvalue)
 print(scipy.signal.lfilter([1.0], [1.0, -0.5], [1.0, 0.0]), scipy.spatial.KDTree([[0.0], [1.0]]).query([0.8])[1])
 """
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert process.stdout == "1 A 1.0\n[1.  0.5] 1\n"
+    assert process.stdout == "1 1.0\n[1.  0.5] 1\n"
 
 
 def test_json_stands_alone_on_stdout(recording, forks, tmp_path):

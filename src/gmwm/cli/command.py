@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import wraps
-from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
 from inspect import Parameter, Signature, get_annotations, getdoc, signature
 from pathlib import Path
@@ -130,28 +128,10 @@ def command(function: Callable[..., Outcome]) -> Callable[..., None]:
     return run
 
 
-class _NoDocstring(defaultdict[str, list[Any]]):
-    """Takes the place of SciPy's parser of docstrings, to which a table is added in each function."""
-
-    def __init__(self, _function: object) -> None:
-        super().__init__(list)
-
-    def __str__(self) -> str:
-        return "\n"
-
-
-_SPARED = (
-    "numpy.char", "numpy.core", "numpy.ctypeslib", "numpy.f2py", "numpy.ma", "numpy.matlib", "numpy.rec",
-    "numpy.strings", "numpy.testing", "scipy.spatial",
-)  # fmt: skip
-"""Packages that SciPy imports and hardly ever uses: all of NumPy, and spatial trees for optimisers."""
-
-
 def _spare_libraries() -> None:
-    """Load packages only if they are used, and leave out docstrings: half of the time of the imports of SciPy."""
-    with suppress(ImportError):  # an earlier version of SciPy
-        import_module("scipy._lib._docscrape").__dict__["FunctionDoc"] = _NoDocstring
-    for path in _SPARED:
+    """Load packages only if they are used: SciPy asks for all of NumPy, and its optimisers for spatial trees,
+    which takes a third of the time of their import."""
+    for path in ("numpy.ctypeslib", "numpy.f2py", "numpy.ma", "numpy.testing", "scipy.spatial"):
         if path not in sys.modules and (spec := find_spec(path)) and spec.loader:
             spec.loader = LazyLoader(spec.loader)
             sys.modules[path] = module = module_from_spec(spec)
