@@ -126,6 +126,10 @@ def _with_oscillation(
     bound = Distance.of(fit).surely
     if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
         return None
+    # An oscillation that is a smaller part of every level may as well be an error of the model of a few per cent.
+    least_part = 0.1
+    if np.max(oscillator.wavelet_variance(wv.levels, wv.rate, wv.filter) / fit.implied) < least_part:
+        return None
     held = OSC(frequency=Fixed(oscillator.value("frequency")), quality=Fixed(oscillator.value("quality")))
     curve = fast_part.with_oscillator_error(wv, fit, [held])
     family = fast_part.BESIDE if shaped else SLOW
