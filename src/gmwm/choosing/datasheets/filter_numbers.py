@@ -305,8 +305,8 @@ def _halved(process: Process, rate: float) -> Vector:
         # Where the resonance is far below white noise, it need not be accurate.
         return np.asarray((weights * (1 + spectrum(theta.ravel()).reshape(theta.shape))).sum(axis=1))
 
-    whole = _panels(1, ())
-    low, high = whole[:-1], whole[1:]
+    panels = _panels(1, ())
+    low, high = panels[:-1], panels[1:]
     coarse = integrals(low, high)
     for _ in range(splits):
         middle = np.sqrt(low * high)

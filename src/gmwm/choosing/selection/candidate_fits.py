@@ -141,8 +141,8 @@ class _Exploration:
         if key in self.solved:
             return
         for solved in self.solved.values():
-            shown, whole = solved.keys
-            if shown and shown <= key <= whole:
+            shown, largest = solved.keys
+            if shown and shown <= key <= largest:
                 self.solved[key] = replace(self.solved[shown], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.weights)

@@ -99,7 +99,8 @@ def search(
 def _with_oscillation(
     choice: ModelChoice, spectrum: PowerSpectrum | None, options: RankingOptions, check: Callable[[], None]
 ) -> ModelChoice | None:
-    """Return the choice with a damped oscillator fitted beside the spectrum's terms; None if the test rejects it."""
+    """Return the choice with a damped oscillator fitted beside other terms; None if the test rejects it, or it is
+    small."""
     wv, terms = choice.wavelet_variance, choice.ranking.recommended.fit.model.processes
     required = [
         term for term in without_values(Model(terms)).processes if term.nonlinear_parameters() and term.shape_is_fixed

@@ -145,9 +145,9 @@ def _derivatives(fit: Fit, design: Design, pull: Vector) -> tuple[Matrix, Matrix
             rows += list(process.scale * slope[free])
     bends = np.zeros((len(rows), len(rows)))
     for place, at, cross, bend in blocks:
-        own = slice(at, at + len(bend))
-        bends[place, own] = bends[own, place] = cross
-        bends[own, own] = bend
+        block = slice(at, at + len(bend))
+        bends[place, block] = bends[block, place] = cross
+        bends[block, block] = bend
     return np.array(rows).reshape(-1, design.levels.size).T, bends
 
 

@@ -192,9 +192,9 @@ def _settlings_in(means: BlockMeans, jumps: Sequence[_Jump]) -> list[_Jump]:
         return []
     if means.trend.kind is not None and gain < means.trend.statistic + 6.6:
         means = BlockMeans(means.means - means.trend.course())
-    settlings, courses, rest = list[_Jump](), np.empty((0, means.size)), means
+    settlings, courses, residual = list[_Jump](), np.empty((0, means.size)), means
     while len(settlings) < MOST:
-        gain, place, tau, weights = rest.settling
+        gain, place, tau, weights = residual.settling
         if gain < _CLEAR.gain + EXTRA or any(abs(place - other.place) < 1 for other in settlings):
             break
         # Other shapes, such as a logarithm, are close to two exponentials.
@@ -203,7 +203,7 @@ def _settlings_in(means: BlockMeans, jumps: Sequence[_Jump]) -> list[_Jump]:
         sizes = _sizes(means, courses, np.sqrt(weights))
         until = None if gain < clearest else min(place + 4 * tau, float(means.size))
         settlings.append(_Jump(place, float(np.sum(sizes[-3:])), gain, possible=True, until=until))
-        rest = BlockMeans(means.means - sizes @ courses)
+        residual = BlockMeans(means.means - sizes @ courses)
     _, sizes, basis = np.linalg.svd(transformed(courses), full_matrices=False)
     independent = basis[sizes > 1e-6 * np.max(sizes, initial=0.0)]
     without_courses, with_courses = (means.walk(of, alone=True)[0] for of in (independent, basis[:0]))
@@ -241,25 +241,29 @@ def _one_by_one(
     means: BlockMeans, places: Sequence[float] = (), gain_of_each: float = 0.0, *, limits: _JumpLimits = _CLEAR
 ) -> list[_Jump]:
     """Return jumps at these places and at further ones, each clear by itself."""
-    rest, sizes = means, np.empty(0)
+    residual, sizes = means, np.empty(0)
     places, gains = list(places), [gain_of_each] * len(places)
     if places:
         courses = _courses(places, means.size)
         sizes = _sizes(means, courses, np.sqrt(means.grid.weights[0]))
-        rest = BlockMeans(means.means - sizes @ courses)
+        residual = BlockMeans(means.means - sizes @ courses)
     while len(places) < MOST:
-        gain, place, _, weights = rest.jump
-        if gain < (limits.more if places else limits.gain) or rest.swing.gain >= gain or rest.trend.statistic >= gain:
+        gain, place, _, weights = residual.jump
+        if (
+            gain < (limits.more if places else limits.gain)
+            or residual.swing.gain >= gain
+            or residual.trend.statistic >= gain
+        ):
             break
         root = np.sqrt(weights)
-        place = _within_block(rest, place, root)
+        place = _within_block(residual, place, root)
         if any(abs(place - other) < 1 for other in places):
             break  # what is left of a jump in means without noise
         places.append(place)
         gains.append(gain)
         courses = _courses(places, means.size)
         sizes = _sizes(means, courses, root)
-        rest = BlockMeans(means.means - sizes @ courses)
+        residual = BlockMeans(means.means - sizes @ courses)
     if not places or _raising(means, _courses(places, means.size)) <= limits.matters:
         return []
     possible = limits is _POSSIBLE
@@ -291,14 +295,14 @@ def _together(means: BlockMeans) -> list[tuple[list[float], float]]:
 
 def _boxes_in(means: BlockMeans) -> list[tuple[list[float], float]]:
     """Return the places of the ends of one, two, … boxes, and the reduction of −2 log L by all of them."""
-    places, rest = list[float](), means
+    places, residual = list[float](), means
     while len(places) < MOST - 1:
-        gain, ends, weights = rest.best_box()
+        gain, ends, weights = residual.best_box()
         if gain < _POSSIBLE.gain + _POSSIBLE.together or any(abs(a - b) < 1 for a in places for b in ends):
             break
         places += ends
         courses = _courses(places, means.size)
-        rest = BlockMeans(means.means - _sizes(means, courses, np.sqrt(weights)) @ courses)
+        residual = BlockMeans(means.means - _sizes(means, courses, np.sqrt(weights)) @ courses)
     if not places:
         return []
     gains = float(np.min(means.without().values)) - means.with_first(transformed(_courses(places, means.size)))

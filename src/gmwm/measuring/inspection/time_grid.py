@@ -125,8 +125,8 @@ class Extremes:
         if not values.size:
             return
         # The second value from the top of some samples is at most that of all.
-        some = np.unique(values[::64])[-2:]
-        values, numbers = np.unique(values[values >= some[0]] if some.size > 1 else values, return_counts=True)
+        top = np.unique(values[::64])[-2:]
+        values, numbers = np.unique(values[values >= top[0]] if top.size > 1 else values, return_counts=True)
         levels, places = np.unique(np.concatenate([self.levels, values]), return_inverse=True)
         counts = np.bincount(places, np.concatenate([self.counts, numbers])).astype(np.int64)
         self.levels, self.counts = levels[-2:], counts[-2:]
