@@ -313,6 +313,17 @@ def test_a_slow_oscillation_is_found_in_a_curve(truth, left):
     assert left in [step.left for step in found.steps]
 
 
+@pytest.mark.parametrize("seed", [2, 29])
+def test_a_ramp_whose_levels_are_off_does_not_hide_the_noise(seed):
+    """Beside the small errors of such levels, weights of a poor fit make a ramp without noise the best model."""
+    truth = Model.parse("QN(q2=4e-6) + DR(omega=1e-9)")
+    values = truth.wavelet_variance(21, 200.0) * np.exp(0.03 * np.random.default_rng(seed).standard_normal(21))
+    wv = gmwm.WaveletVariance.from_values(values, rate=200.0, samples=5_000_000, axis="gyro_x", unit="rad/s")
+    found = search(wv, None, OPTIONS)
+    assert names(found) == ["DR", "QN"]
+    assert 0.02 < found.error < 0.04
+
+
 def test_the_largest_sum_has_no_more_parameters_than_levels(curve):
     assert largest_within("GM + WN", curve).structure == "GM + WN"
     short = curve.first(5)

@@ -170,7 +170,7 @@ def _nearly_settled(
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
-    at = model_of(problem, solution, wv.slope)
+    first, at = (problem, solution), model_of(problem, solution, wv.slope)
     # Weights have then converged to a few per cent, sufficient to compare models.
     for k in range(3):
         wavelet = drawn_covariance(at.sorted(wv.rate), design, wv.variance)
@@ -181,17 +181,24 @@ def _nearly_settled(
         # optimum ends. The scan for free processes would take as long as all the rest.
         solution = resume(problem, solution) if k or problem.free else solve(problem, certify=False)
         at = model_of(problem, solution, wv.slope)
-        if not np.all(_curve(at, wv) > 0):
-            # Under the full weights of a poor estimate, a model without noise can be the best one. It never is under
-            # weights without covariances.
+        if not _has_noise(at, design):
+            # Under the full weights of a poor estimate, a model without noise can be the best one, for example a ramp
+            # alone; under their variances seldom, and under the weights of the data never.
             wavelet = np.diag(np.diag(wavelet))
             problem = problem.under(precision(wavelet))
             solution = resume(problem, solution)
+            if not _has_noise(model_of(problem, solution, wv.slope), design):
+                problem, solution = first
+                wavelet = np.diag(1 / np.diag(problem.matrix))
             break
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
     return WeightedSolution(problem, solution), freeze(wavelet)
+
+
+def _has_noise(model: Model, design: Design) -> bool:
+    return bool(np.all(variances(model, design) > 0))
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
