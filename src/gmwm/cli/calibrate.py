@@ -24,7 +24,6 @@ from gmwm.calibration.document import as_text
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
-from gmwm.cli.export import KalibrFile, kalibr_file
 from gmwm.cli.measuring import memory_for, open_recording
 from gmwm.cli.options import (
     Chunked,
@@ -182,14 +181,14 @@ def calibrate(
         only_file(files, "--workers" if scheduler is None else "--scheduler")
     stated = parse_models(model or [])
     processes = calibration_helpers(plots=output is not None)
-    if output is not None:  # beside the reading, which leaves a processor idle half of the time
-        Thread(target=_prepare_report, daemon=True).start()
 
     def one(readings: Sequence[ReadOptions], output: Path | None) -> Outcome:
         load = partial(open_recording, chunked=chunked, spread=spread, whole=memory_for(terms))
         groups = [[load(file, topic) for file in files] for topic in readings]
         if output is not None:
             make_directory(output)
+            # beside the measurement: kernels leave Python to it, which the imports of the reader before do not
+            Thread(target=_prepare_files, daemon=True).start()
         names = dict.fromkeys(name for group in groups for recording in group for name in recording.axes)
         axes = chosen_names(list(names), axis)
         models = stated if isinstance(stated, dict) else dict.fromkeys(axes, stated)
@@ -248,6 +247,8 @@ def _outcome(
     details: bool, helpers: Helpers, topic: str | None,
 ) -> Outcome:  # fmt: skip
     """Return the outcome of the command, with the files to write; `topic` heads the summary of one of several."""
+    from gmwm.cli.export import KalibrFile, kalibr_file
+
     plots = None if output is None else helpers.begin(pictures, found, view, units)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
@@ -295,10 +296,11 @@ def calibration_helpers(
     return helpers_of(*(drawing if plots and is_installed("matplotlib") else ()), count=count)
 
 
-def _prepare_report() -> None:
-    """Import what writes the report, and compile its template."""
+def _prepare_files() -> None:
+    """Import what writes the files, and compile the template of the report."""
     from gmwm.showing.reports.write import template
 
+    import_module("gmwm.cli.export")
     template("report.html")
 
 
