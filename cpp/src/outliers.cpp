@@ -62,7 +62,7 @@ double middle(std::span<double> values, std::size_t below, std::size_t total) {
 double median_near(std::span<const double> size, double guess, std::vector<double>& scratch) {
   const std::size_t n = size.size();
   const double margin = width / std::sqrt(static_cast<double>(n));
-  if (margin < 0.25 && guess > 0.0) {
+  if (margin < 0.9 && guess > 0.0) {
     std::size_t counts[2];
     scratch.resize(n + 1);
     split(size.data(), n, guess * (1.0 - margin), guess * (1.0 + margin), scratch.data(), counts);
