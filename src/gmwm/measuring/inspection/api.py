@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from threading import Lock
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from gmwm.measuring.inspection.jumps import jumps_of, with_shared_settling
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, saturation_of
-from gmwm.measuring.inspection.trends import swing_of, trend_of
+from gmwm.measuring.inspection.trends import Swing, Trend, swing_of, trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
 from gmwm.recording.batches import Batch, Batches, Segments, Streamed
@@ -177,6 +177,19 @@ class FirstPass:
         )  # fmt: skip
 
 
+class _AxisFindings(NamedTuple):
+    """Findings of one axis: begin (s) and share of windows in which it is stuck, and whether it `moves`, which an axis
+    that is stuck or clipped does not."""
+
+    item: AxisInspection
+    stuck: tuple[float, float] | None
+    saturation: Saturation | None
+    moves: bool
+    steps: list[Step]
+    trend: Trend | None
+    swing: Swing | None
+
+
 class RecordingStatistics:
     """Statistics of all axes of a recording, from its batches in order; `values(axis, first, last)` returns samples."""
 
@@ -203,37 +216,23 @@ class RecordingStatistics:
     def result(self, conditions: Conditions = NOTHING) -> Inspection:
         """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
-        axes = in_threads(self._axis, statistics)
         parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
-        stuck = {axis: self._stuck(axis, sums) for axis, sums in statistics.items()}
-        saturations = tuple(
-            saturation
-            for axis, item in axes.items()
-            if stuck[axis] is None and (saturation := self._saturation(axis, item)) is not None
-        )
-        # Most samples of a clipped or stuck axis can be the same, so that all others are far from them.
-        moving = set(axes) - {item.axis for item in saturations if item.matters}
-        moving -= {axis for axis, finding in stuck.items() if finding is not None}
+        found = in_threads(lambda axis, sums: self._of_axis(axis, sums, conditions, still=not parts), statistics)
+        axes = {axis: of_axis.item for axis, of_axis in found.items()}
+        stuck = {axis: of_axis.stuck for axis, of_axis in found.items()}
+        saturations = tuple(of_axis.saturation for of_axis in found.values() if of_axis.saturation is not None)
+        moving = {axis for axis, of_axis in found.items() if of_axis.moves}
         outliers = {axis: sums.outliers() for axis, sums in statistics.items() if axis in moving}
         bursts = () if parts else knocks_of(outliers, extent)
         motion = motion_of(statistics, bursts, extent)
         knocks = tuple(knock for knock in bursts if not motion.meets(knock.time, knock.time + knock.duration))
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples, motion.still)
-        means = {axis: _noise(axis, sums, conditions) for axis, sums in statistics.items()}
-        # A clipped axis minus a jump would not look clipped.
-        steps = () if parts else self._steps({axis: of_axis for axis, of_axis in means.items() if axis in moving})
-        calm = {axis: _without_steps(of_axis, steps, axis, self._axes[axis].length) for axis, of_axis in means.items()}
-        of_axes = in_threads(lambda axis, of_axis: trend_of(axis, of_axis, extent), calm)
-        trends = tuple(trend for trend in of_axes.values() if trend is not None)
-        steady = set(calm).difference(trend.axis for trend in trends)
-        found = in_threads(
-            lambda axis, of_axis: swing_of(axis, of_axis, extent, self._reader(axis)),
-            {axis: of_axis for axis, of_axis in calm.items() if axis in steady},
-        )
-        swings = tuple(swing for swing in found.values() if swing is not None)
+        trends = tuple(of_axis.trend for of_axis in found.values() if of_axis.trend is not None)
+        swings = tuple(of_axis.swing for of_axis in found.values() if of_axis.swing is not None)
         reach = self._length / extent.rate  # The place of a jump is known to a block.
+        jumps = with_shared_settling([step for of_axis in found.values() for step in of_axis.steps], reach)
         steps = tuple(
-            step for step in steps
+            step for step in sorted(jumps, key=lambda step: (step.time, step.axis))
             if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)
         )  # fmt: skip
         # Turns of gravity above 0.1° (a bias of 1.7 mg) that noise, at five standard errors, does not explain.
@@ -283,23 +282,29 @@ class RecordingStatistics:
 
         return values
 
-    def _steps(self, means: Mapping[str, list[tuple[int, Vector]]]) -> tuple[Step, ...]:
-        """Return the jumps of all axes: between neighbouring blocks, and out of the noise at any time scale."""
+    def _of_axis(self, axis: str, sums: AxisStatistics, conditions: Conditions, *, still: bool) -> _AxisFindings:
+        """Inspect an axis; only one that is `still`, at one position of the unit, can have jumps."""
+        item, stuck = self._axis(axis, sums), self._stuck(axis, sums)
+        saturation = None if stuck is not None else self._saturation(axis, item)
+        # Most samples of a clipped or stuck axis can be the same, so that all others are far from them.
+        moves = stuck is None and not (saturation is not None and saturation.matters)
+        means = _noise(axis, sums, conditions)
+        # A clipped axis minus a jump would not look clipped.
+        steps = self._steps(axis, means) if still and moves else []
+        calm = _without_steps(means, steps, sums.length)
+        trend = trend_of(axis, calm, self._extent)
+        swing = None if trend is not None else swing_of(axis, calm, self._extent, self._reader(axis))
+        return _AxisFindings(item, stuck, saturation, moves=moves, steps=steps, trend=trend, swing=swing)
 
-        def work(axis: str, of_axis: list[tuple[int, Vector]]) -> list[Step]:
-            sums, values = self._axes[axis], self._reader(axis)
-            clear = jumps_of(axis, of_axis, self._extent, values)
-            resolution = self._resolutions[axis] or 0.0
-            sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
-            return clear + [
-                step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)
-            ]
-
-        two_levels = axes_with_two_levels(self._remarks)
-        by_axis = in_threads(work, {axis: of_axis for axis, of_axis in means.items() if axis not in two_levels})
-        steps = [step for of_axis in by_axis.values() for step in of_axis]
-        steps = with_shared_settling(steps, self._length / self._extent.rate)
-        return tuple(sorted(steps, key=lambda step: (step.time, step.axis)))
+    def _steps(self, axis: str, means: list[tuple[int, Vector]]) -> list[Step]:
+        """Return the jumps of an axis: between neighbouring blocks, and out of the noise at any time scale."""
+        if axis in axes_with_two_levels(self._remarks):
+            return []
+        sums, values = self._axes[axis], self._reader(axis)
+        clear = jumps_of(axis, means, self._extent, values)
+        resolution = self._resolutions[axis] or 0.0
+        sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
+        return clear + [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
 
     def _axis(self, axis: str, sums: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(sums.differences.means[0] / 2))
@@ -365,11 +370,9 @@ def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tupl
     ]
 
 
-def _without_steps(
-    means: list[tuple[int, Vector]], steps: Sequence[Step], axis: str, length: int
-) -> list[tuple[int, Vector]]:
+def _without_steps(means: list[tuple[int, Vector]], steps: Sequence[Step], length: int) -> list[tuple[int, Vector]]:
     """Return block means of an axis without its jumps."""
-    jumps = [step for step in steps if step.axis == axis and not step.possible]
+    jumps = [step for step in steps if not step.possible]
     if not jumps:
         return means
     return [
