@@ -24,15 +24,17 @@ def test_the_density_of_a_resonance_over_hann_blocks_is_exact(damping):
     with mpmath.workdps(30):
         turn = 2 * mpmath.pi
 
-        def density(delta: float) -> float:
+        def integral(delta: float, power: int) -> complex:
             def at(u):
                 hann = (1 - u) * (2 + mpmath.cos(turn * u)) / 3 + mpmath.sin(turn * u) / turn
-                return mpmath.exp(-mpmath.mpf(damping) * u) * mpmath.cos(delta * u) * hann
+                return (-u) ** power * mpmath.exp(-mpmath.mpc(damping, -delta) * u) * hann
 
-            return float(mpmath.quad(at, np.linspace(0, 1, 50).tolist()))
+            return complex(mpmath.quad(at, np.linspace(0, 1, 50).tolist()))
 
-        exact = [density(delta) for delta in distance]
-    np.testing.assert_allclose(_hann_lorentz(damping, distance), exact, rtol=2e-12)
+        exact, slopes = ([integral(delta, power) for delta in distance] for power in (0, 1))
+    found = _hann_lorentz(damping, distance)
+    np.testing.assert_allclose(found[0], np.real(exact), rtol=2e-12)
+    np.testing.assert_allclose(found[1], slopes, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.lazy import scipy
 from gmwm.measuring.spectrum.line import LEAST_QUALITY, Bump, Line, flanks, lorentz_fit, measured_line, p_values
 from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -151,20 +152,34 @@ def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Li
     # Density of an oscillator relative to a Lorentz peak, which is symmetric.
     bend = (2 * peak.frequency / (peak.frequency + frequencies)) ** 2
 
-    def residuals(parameters: Vector, damping: float | None = None) -> Vector:
+    @lru_cache(maxsize=1)
+    def at(values: bytes) -> tuple[Vector, Matrix]:
+        """Return the residuals of a model and their derivatives (n, q) by its parameters."""
+        parameters = np.frombuffer(values)
         a, slope, height, shift, *width = np.clip(parameters, -200, 200)
-        alpha = damping if damping is not None else math.exp(min(width[0], 25.0)) + _SINUSOID
-        distance = 2 * math.pi * block * (frequencies - peak.frequency) - shift
-        model = np.exp(np.clip(a + slope * logs, -200, 200)) + np.exp(height) * bend * _hann_lorentz(alpha, distance)
-        ratio = density / model
-        deviance = np.maximum(ratio - 1 - np.log(ratio), 0.0)
-        return np.asarray(weights * np.sign(ratio - 1) * np.sqrt(deviance))
+        wide = math.exp(min(width[0], 25.0)) if width else 0.0
+        shape, slopes = _hann_lorentz(wide + _SINUSOID, 2 * math.pi * block * (frequencies - peak.frequency) - shift)
+        smooth, factor = np.exp(np.clip(a + slope * logs, -200, 200)), np.exp(height) * bend
+        ratio = density / (smooth + factor * shape)
+        root = np.sqrt(np.maximum(ratio - 1 - np.log(ratio), 0.0))
+        steep = np.divide(np.abs(ratio - 1), root, out=np.full(ratio.size, math.sqrt(2)), where=root > 0)
+        columns = [smooth, smooth * logs, factor * shape, -factor * slopes.imag, factor * slopes.real * wide]
+        derivatives = (-0.5 * weights * steep * ratio / density * np.array(columns[: parameters.size])).T
+        return weights * np.sign(ratio - 1) * root, derivatives * (np.abs(parameters) < 200)
+
+    def residuals(parameters: Vector) -> Vector:
+        return at(parameters.tobytes())[0]
+
+    def jacobian(parameters: Vector) -> Matrix:
+        return at(parameters.tobytes())[1]
 
     top = float(density.max())
     damping = max(math.pi * peak.width * block, 0.3)
     start = np.array([math.log(level), 0.0, math.log(max(top, 2 * level) * (1 + damping)), 0.0])
-    sinusoid = scipy.optimize.least_squares(residuals, start, method="lm", max_nfev=300, args=(_SINUSOID,))
-    fit = scipy.optimize.least_squares(residuals, np.append(start, math.log(damping)), method="lm", max_nfev=300)
+    sinusoid, fit = (
+        scipy.optimize.least_squares(residuals, first, jacobian, method="lm", max_nfev=300)
+        for first in (start, np.append(start, math.log(damping)))
+    )
     if not fit.success or 2 * float(sinusoid.cost - fit.cost) < _GAIN:
         return None
     damping = math.exp(min(fit.x[4], 25.0)) + _SINUSOID
@@ -174,16 +189,20 @@ def resonance_of(spectrum: PowerSpectrum, peak: Line | Bump, others: Iterable[Li
     return Resonance(frequency, math.pi * frequency * block / damping, math.exp(fit.x[2]) / (2 * block))
 
 
-def _hann_lorentz(damping: float, distance: Vector) -> Vector:
-    """Return ∫₀¹ e^(−αu) cos(δu) c(u) du, autocorrelation c of the Hann window, α = πwT, δ in rad per block."""
+def _hann_lorentz(damping: float, distance: Vector) -> tuple[Vector, NDArray[np.complex128]]:
+    """Return f = ∫₀¹ e^(−αu) cos(δu) c(u) du, autocorrelation c of the Hann window, α = πwT, δ in rad per block, and
+    ∂f/∂α + i ∂f/∂δ."""
     s = damping - 1j * distance
-    turn = 2j * math.pi
+    turn, part = 2j * math.pi, 1j / (4 * math.pi)
+    total, slope = np.zeros_like(s), np.zeros_like(s)
     # ∫₀¹ e^(−zu) du = (1 − e^(−z)) / z for z = s and s ± 2πi, whose e^(−z) is the same, and ∫₀¹ (1 − u) e^(−zu) du.
     fallen = -np.expm1(-s)
-    here, after, before = fallen / s, fallen / (s + turn), fallen / (s - turn)
-    sums: NDArray[Any] = 2 / 3 * (1 - here) / s + ((1 - after) / (s + turn) + (1 - before) / (s - turn)) / 6
-    sums = sums + (before - after) / (4j * math.pi)
-    return np.asarray(np.maximum(sums.real, 1e-300))
+    for z, triangle, plain in ((s, 2 / 3, 0.0), (s + turn, 1 / 6, part), (s - turn, 1 / 6, -part)):
+        mean = fallen / z
+        rest, bend = (1 - mean) / z, (1 - fallen - mean) / z
+        total += triangle * rest + plain * mean
+        slope += plain * bend - triangle * (rest + bend) / z
+    return np.maximum(total.real, 1e-300), slope
 
 
 def _means(values: Vector, size: int) -> Vector:
