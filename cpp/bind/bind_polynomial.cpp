@@ -18,11 +18,13 @@ void polynomial(const Vector& coefficients, const Vector& x, const OutVector& ou
   gmwm::polynomial({coefficients.data(), coefficients.shape(0)}, {x.data(), x.shape(0)}, {out.data(), out.shape(0)});
 }
 
-void chebyshev(const Matrix& coefficients, const Matrix& x, const OutMatrix& out) {
-  if (coefficients.shape(0) == 0 || coefficients.shape(1) != x.shape(1))
-    throw std::invalid_argument("each column of x needs coefficients");
-  if (x.shape(0) != out.shape(0) || x.shape(1) != out.shape(1)) throw std::invalid_argument("out must have the shape of x");
-  gmwm::chebyshev(view(coefficients), view(x), x.shape(1), view(out));
+void chebyshev(const Matrix& coefficients, const OutMatrix& x) {
+  const std::size_t size = coefficients.shape(1), width = x.shape(1);
+  if (size == 0 || coefficients.shape(0) != x.shape(0)) throw std::invalid_argument("each row of x needs coefficients");
+  for (std::size_t row = 0; row < x.shape(0); ++row) {
+    const auto values = view(x).subspan(row * width, width);
+    gmwm::chebyshev(view(coefficients).subspan(row * size, size), values, values);
+  }
 }
 
 }  // namespace
@@ -30,6 +32,6 @@ void chebyshev(const Matrix& coefficients, const Matrix& x, const OutMatrix& out
 void bind_polynomial(nb::module_& m) {
   m.def("polynomial", &polynomial, "coefficients"_a.noconvert(), "x"_a.noconvert(), "out"_a.noconvert(),
         "Write the polynomial with these coefficients, highest power first, at each x to out, which may be x.");
-  m.def("chebyshev", &chebyshev, "coefficients"_a.noconvert(), "x"_a.noconvert(), "out"_a.noconvert(),
-        "Write the sums of Chebyshev polynomials to out. Each column has its own coefficients, lowest degree first.");
+  m.def("chebyshev", &chebyshev, "coefficients"_a.noconvert(), "x"_a.noconvert(),
+        "Replace x by sums of Chebyshev polynomials. Each row has its own coefficients, lowest degree first.");
 }

@@ -22,17 +22,15 @@ GMWM_INLINE void horner_inline(const double* c, std::size_t n, const double* x, 
 }
 constexpr Clones<horner_inline> horner{};
 
-// The columns of a row are independent: the inner loop runs over them.
-GMWM_INLINE void clenshaw_inline(const double* c, std::size_t n, const double* x, std::size_t m, std::size_t width,
-                                 double* out) {
+GMWM_INLINE void clenshaw_inline(const double* c, std::size_t n, const double* x, std::size_t m, double* out) {
   std::array<double, batch> next{}, last{}, twice;
   for (std::size_t i = 0; i < m; ++i) twice[i] = 2 * x[i];
   for (std::size_t k = n; k-- > 1;)
     for (std::size_t i = 0; i < m; ++i) {
-      const double value = c[k * width + i] + twice[i] * next[i] - last[i];
+      const double value = c[k] + twice[i] * next[i] - last[i];
       last[i] = next[i], next[i] = value;
     }
-  for (std::size_t i = 0; i < m; ++i) out[i] = c[i] + x[i] * next[i] - last[i];
+  for (std::size_t i = 0; i < m; ++i) out[i] = c[0] + x[i] * next[i] - last[i];
 }
 constexpr Clones<clenshaw_inline> clenshaw{};
 
@@ -43,11 +41,9 @@ void polynomial(std::span<const double> coefficients, std::span<const double> x,
     horner(coefficients.data(), coefficients.size(), x.data() + i, std::min(batch, x.size() - i), out.data() + i);
 }
 
-void chebyshev(std::span<const double> coefficients, std::span<const double> x, std::size_t width, std::span<double> out) {
-  for (std::size_t row = 0; row < x.size(); row += width)
-    for (std::size_t l = 0; l < width; l += batch)
-      clenshaw(coefficients.data() + l, coefficients.size() / width, x.data() + row + l, std::min(batch, width - l), width,
-               out.data() + row + l);
+void chebyshev(std::span<const double> coefficients, std::span<const double> x, std::span<double> out) {
+  for (std::size_t i = 0; i < x.size(); i += batch)
+    clenshaw(coefficients.data(), coefficients.size(), x.data() + i, std::min(batch, x.size() - i), out.data() + i);
 }
 
 }  // namespace gmwm

@@ -9,8 +9,7 @@ namespace gmwm {
 // out_i = c_0 x_i^(n-1) + ... + c_(n-1), highest power first; out may be x.
 void polynomial(std::span<const double> coefficients, std::span<const double> x, std::span<double> out);
 
-// Sums of Chebyshev polynomials T_k by Clenshaw's recurrence: out_il = sum_k c_kl T_k(x_il) for 0 <= l < width, where c, x
-// and out are rows of this width.
-void chebyshev(std::span<const double> coefficients, std::span<const double> x, std::size_t width, std::span<double> out);
+// Sum of Chebyshev polynomials T_k by Clenshaw's recurrence: out_i = sum_k c_k T_k(x_i); out may be x.
+void chebyshev(std::span<const double> coefficients, std::span<const double> x, std::span<double> out);
 
 }  // namespace gmwm

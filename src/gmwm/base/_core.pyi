@@ -356,9 +356,9 @@ def polynomial(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None,
     Write the polynomial with these coefficients, highest power first, at each x to out, which may be x.
     """
 
-def chebyshev(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+def chebyshev(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """
-    Write the sums of Chebyshev polynomials to out. Each column has its own coefficients, lowest degree first.
+    Replace x by sums of Chebyshev polynomials. Each row has its own coefficients, lowest degree first.
     """
 
 def second_order_sections(sections: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], state: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:

@@ -226,18 +226,19 @@ def _mean_squares(scores: Matrix, freedom: Vector) -> Matrix:
     reach = float(np.abs(scores).max(initial=0.0))
     if len(scores) <= QUANTILE_DEGREE or reach == 0:
         return np.asarray(scipy.special.chdtri(freedom, scipy.special.ndtr(-scores)) / freedom)
-    out, every = np.empty_like(scores), np.zeros((QUANTILE_DEGREE + 1, freedom.size))
-    # With many degrees of freedom, quantiles are nearly linear.
-    for degree, levels in ((QUANTILE_DEGREE, freedom < 20), (QUANTILE_DEGREE // 3, freedom >= 20)):
-        number = np.arange(degree + 1)
-        angle = (number + 0.5) * np.pi / (degree + 1)
-        at = scipy.special.ndtr(-reach * np.cos(angle[:, None]))
-        values = scipy.special.chdtri(freedom[levels], at) / freedom[levels]
-        terms = 2 / (degree + 1) * np.cos(np.outer(number, angle)) @ values
-        terms[0] /= 2
-        every[: degree + 1, levels] = terms
-    _core.chebyshev(every, scores / reach, out)
-    return out
+    out = np.ascontiguousarray(scores.T) / reach
+    # The more degrees of freedom, the more linear are the quantiles.
+    for part, low, high in ((1, 0.0, 20.0), (4, 20.0, 200.0), (8, 200.0, np.inf)):
+        levels = (freedom >= low) & (freedom < high)
+        number, eta = np.arange(QUANTILE_DEGREE // part + 1), freedom[levels, None]
+        angle = (number + 0.5) * np.pi / number.size
+        values = scipy.special.chdtri(eta, scipy.special.ndtr(-reach * np.cos(angle))) / eta
+        terms = 2 / number.size * values @ np.cos(np.outer(angle, number))
+        terms[:, 0] /= 2
+        quantiles = out[levels]
+        _core.chebyshev(terms, quantiles)
+        out[levels] = quantiles
+    return np.ascontiguousarray(out.T)
 
 
 def factor_of(wavelet: Matrix) -> Matrix:
