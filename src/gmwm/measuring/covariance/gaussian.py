@@ -7,14 +7,14 @@ Otherwise a Gauss rule for sums over integers is used between kinks, and every l
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import Booleans, Matrix, Vector, freeze
+from gmwm.base.arrays import Booleans, Integers, Matrix, Vector, freeze
 from gmwm.base.threads import computed_once
 from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
@@ -143,10 +143,17 @@ class _Split:
 
     terms: ExponentialSum
     smooth: list[Process]
+    known: dict[bool, tuple[Integers, Vector, Vector]] = field(default_factory=dict)  # levels and sums, by `diagonal`
 
     def sums(self, design: Design, few: Booleans, *, diagonal: bool) -> tuple[Vector, Vector]:
         """Compute Σ n Cov and Σ n Cov², or what replaces it in a robust estimate of levels that are not `few`, for all
-        pairs of levels, or for all levels if `diagonal`. Smooth ones are approximated."""
+        pairs of levels, or for all levels if `diagonal`. Smooth ones are approximated. The last classical sums are
+        kept: those of the first levels are the first ones, and a test of a model asks for both."""
+        levels, first, second = self.known.get(diagonal, (np.empty(0, np.int64), np.empty(0), np.empty(0)))
+        size = design.levels.size
+        if design.efficiency is None and np.array_equal(design.levels, levels[:size]):
+            size = size if diagonal else size * (size + 1) // 2
+            return first[:size], second[:size]
         shapes = [(_shape(process, design, diagonal), process) for process in self.smooth]
         tables = [(shape.table, process.scale) for shape, process in shapes]
         first, second = lag_sums(design.levels, design.samples, self.terms, tables, diagonal=diagonal)
@@ -159,6 +166,8 @@ class _Split:
         if design.efficiency is not None:
             variance, powers = self.powers(design, diagonal=diagonal)
             second = second + _Pairs.of(design, diagonal=diagonal).outer(np.where(few, 0.0, variance)) * powers
+        else:
+            self.known[diagonal] = design.levels, first, second
         return first, second
 
     def powers(self, design: Design, *, diagonal: bool) -> tuple[Vector, Vector]:
