@@ -370,18 +370,21 @@ def _candidate(model: Model, fit: Fit, wic: Criterion, out_of_sample: float | No
 
 def _criteria(explored: Explored, method: Method, draws: int, seed: int) -> list[Criterion]:
     """Compute the criterion of each candidate. If candidates share a fit, it is evaluated once."""
-    traces: dict[int, float] = {}
+    traces, shown = dict[int, float](), dict[tuple[Process, ...], float]()
     variances = None
     if method == "bootstrap":
         wv = explored.general.wavelet_variance
         variances = simulated_variances(explored.general.model, Design.of(wv), draws, seed)
-    for fit in explored.fits:
-        if id(fit) not in traces:
-            if variances is None:
-                traces[id(fit)] = optimism(fit, explored.wavelet, explored.weights)
-            else:
-                implied = implied_by_refits(*problem_of(fit), variances)
-                traces[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
+    for fit in {id(fit): fit for fit in explored.fits}.values():
+        if variances is None:
+            # Terms that are zero do not count.
+            terms = tuple(process for process in fit.model.processes if process.scale > 0)
+            if terms not in shown:
+                shown[terms] = optimism(fit, explored.wavelet, explored.weights)
+            traces[id(fit)] = shown[terms]
+        else:
+            implied = implied_by_refits(*problem_of(fit), variances)
+            traces[id(fit)] = covariance_trace(variances, implied, explored.weights.matrix)
     return [Criterion(loss=float(fit.objective), optimism=traces[id(fit)], method=method) for fit in explored.fits]
 
 
@@ -391,9 +394,10 @@ def _relate(candidates: Sequence[Candidate]) -> list[Candidate]:
     alike: dict[int, Candidate] = {}
     for c in sorted(candidates, key=lambda c: freedom(c.model)):
         alike.setdefault(id(c.fit), c)
+    shown = {key: frozenset(shown_by(c.fit).items()) for key, c in alike.items()}
     related = []
     for c in candidates:
-        smaller = by_structure.get(frozenset(shown_by(c.fit).items()))
+        smaller = by_structure.get(shown[id(c.fit)])
         if smaller is None or smaller is c:
             smaller = alike[id(c.fit)]
         related.append(c if smaller is c else replace(c, same_as=smaller.structure))

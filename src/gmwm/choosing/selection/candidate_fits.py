@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -194,7 +194,12 @@ def _shown_structure(model: Model, problem: Problem, solution: Solution) -> Coun
 
 def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
     """Return the names of the terms with their numbers, so that the key of a smaller model is a subset."""
-    return frozenset((name, number) for name, count in structure.items() for number in range(count))
+    return _key_of(tuple(structure.items()))
+
+
+@lru_cache(maxsize=1024)
+def _key_of(counts: tuple[tuple[str, int], ...]) -> frozenset[tuple[str, int]]:
+    return frozenset((name, number) for name, count in counts for number in range(count))
 
 
 def relaxed_columns(explored: Explored) -> Matrix:

@@ -127,7 +127,7 @@ def _grid(
 
 def grid(process: type[Process], levels: Integers, samples: int, rate: float, filter: WaveletFilter) -> ShapeGrid:
     """Tabulate the wavelet variance of `process` over its search domain; the table is cached."""
-    return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
+    return _grid(process, tuple(levels.tolist()), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ from gmwm.fitting.estimation.branch_and_bound import LIMITS, WIDTHS, Optimum, Se
 from gmwm.fitting.estimation.problem import ROUNDING, Problem
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.segments import lengths_of
-from gmwm.theory.filters import HAAR
+from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes.base import Process
 
 if TYPE_CHECKING:
@@ -40,13 +40,13 @@ def search_of(problem: Problem) -> Search:
     """Return the search, by the kernel if it knows the wavelet variances: subclasses may have others."""
     kind = problem.curved_class
     assert kind is not None
-    return ExponentialSearch(problem, kind) if is_exponential(problem, kind) else Search(problem, kind)
+    return ExponentialSearch(problem, kind) if is_exponential(problem.filter, kind) else Search(problem, kind)
 
 
-def is_exponential(problem: Problem, kind: type[Process]) -> bool:
+@cache
+def is_exponential(filter: WaveletFilter, kind: type[Process]) -> bool:
     """Return whether the kernel knows the wavelet variances of a class, which itself defines `search`."""
-    closed = problem.filter is HAAR and "search" in vars(kind)
-    return closed and all(branch.exponential for branch in kind.search(problem.samples, problem.rate))
+    return filter is HAAR and "search" in vars(kind) and all(branch.exponential for branch in kind.search(1024, 1.0))
 
 
 class ExponentialSearch(Search):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import sqrt
 
 import numpy as np
@@ -160,11 +160,16 @@ def to_find(process: Process) -> tuple[int, ...]:
 def divide_shaped(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Divide processes with a free shape into those of the class with most terms (branch and bound) and others."""
     kinds = {place: type(model.processes[place]) for place in shaped}
-    with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
+    with_search = [kind for kind in kinds.values() if _has_search(kind)]
     chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)
     curved = tuple(place for place in shaped if kinds[place] is chosen)
     free = sorted((place for place in shaped if kinds[place] is not chosen), key=lambda k: str(model.processes[k]))
     return curved, tuple(free)
+
+
+@cache
+def _has_search(kind: type[Process]) -> bool:
+    return len(kind.nonlinear_parameters()) == 1 and bool(kind.search(1024, 1.0))
 
 
 def by_kind(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

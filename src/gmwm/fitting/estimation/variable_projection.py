@@ -153,7 +153,7 @@ class Surface:
         ).branches
         for branch in self.branches:
             form = branch.exponential
-            if form is not None and is_exponential(problem, kind):
+            if form is not None and is_exponential(problem.filter, kind):
                 ends = np.array([branch.low, branch.high, form.bend, form.least, form.sign])
                 self.kernel.add_exponential(self._half_scales, ends, problem.rate, form.innovation)
             else:
