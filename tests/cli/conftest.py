@@ -68,7 +68,7 @@ def calibrated(gmwm, recording, tmp_path_factory) -> tuple[Path, Outcome]:
 @pytest.fixture
 def without_pictures(monkeypatch):
     """The pictures of a calibration with --output are empty, because to draw them takes a third of its time."""
-    monkeypatch.setattr("gmwm.cli.calibrate.pictures", empty_pictures)
+    monkeypatch.setattr("gmwm.cli.calibrate.draw_pictures", empty_pictures)
 
 
 def empty_pictures(*_) -> dict[str, bytes]:

@@ -249,7 +249,7 @@ def _outcome(
     """Return the outcome of the command, with the files to write; `topic` heads the summary of one of several."""
     from gmwm.cli.export import KalibrFile, kalibr_file
 
-    plots = None if output is None else helpers.begin(pictures, found, view, units)
+    plots = None if output is None else begin_pictures(helpers, found, view, units)
     document, text = found.to_dict(), summary(found, Dialect.SHELL, details=True, every=True)
     files_of_calibration: tuple[NewFile, ...] = ()
     if output is not None and plots is not None:
@@ -304,14 +304,22 @@ def _prepare_files() -> None:
     template("report.html")
 
 
-def pictures(found: gmwm.Calibration, view: ViewName, units: UnitSystem) -> dict[str, bytes]:
+def begin_pictures(
+    helpers: Helpers, found: gmwm.Calibration, view: ViewName, units: UnitSystem
+) -> Callable[[], dict[str, bytes]]:
+    """Begin to draw the plots of a calibration, which need its fits without what is computed from them."""
+    return helpers.begin(draw_pictures, {axis: replace(fit) for axis, fit in found.items()}, view, units)
+
+
+def draw_pictures(fits: Mapping[str, gmwm.Fit], view: ViewName, units: UnitSystem) -> dict[str, bytes]:
     """Draw the plots of a calibration: the content of each file. Without Matplotlib, there are none."""
     if not is_installed("matplotlib"):
         return {}
+    from gmwm.showing.plots.imu import plot_imu
     from gmwm.showing.plots.matplotlib import render
 
     return {
-        name: render(found.plot(split=split, view=view, units=units), ".png")
+        name: render(plot_imu(fits, split=split, view=view, units=units), ".png")
         for name, split in (("calibration.png", True), ("by_sensor.png", False))
     }
 

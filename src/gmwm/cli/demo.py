@@ -18,7 +18,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.calibration.tables import wrap_text
 from gmwm.choosing.selection.structure import structure_of
-from gmwm.cli.calibrate import calibration_files, calibration_helpers, pictures, run_calibration
+from gmwm.cli.calibrate import begin_pictures, calibration_files, calibration_helpers, run_calibration
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
 from gmwm.cli.output import Outcome, file_names, make_directory, progress, table_text
@@ -64,7 +64,7 @@ def demo(
     lines = inspection_text(inspection, Dialect.SHELL).splitlines()
     say("\n".join(part for line in lines for part in ([line] if len(line) <= TEXT_WIDTH else wrap_text(line))) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
-    plots = helpers.begin(pictures, calibration, "auto", "auto")
+    plots = begin_pictures(helpers, calibration, "auto", "auto")
     say(summary(calibration, Dialect.SHELL))
     document, text = calibration.to_dict(), summary(calibration, Dialect.SHELL, details=True, every=True)
     rows, kalibr = _comparison(truth, calibration), kalibr_file(calibration, output)
