@@ -222,6 +222,7 @@ def averaged_over(monkeypatch, sheet, other):
     ranking = ranking_of((0.0, True, True), (0.0, True, False))
     for candidate in ranking.distinct:
         candidate.fit = None
+    monkeypatch.setattr(averaging.FitCurve, "of", lambda fit: None)
     monkeypatch.setattr(averaging, "with_quick_intervals", lambda fit, level: fit)
     monkeypatch.setattr(averaging, "model_datasheet", lambda fit, level: other)
     return averaged_datasheet(sheet, ranking, LEVEL)

@@ -1,9 +1,11 @@
-"""SciPy and Polars, imported when something of them is used: together they take 0.5 s; and the reader of TOML."""
+"""Work that is done when it is needed: values that a result computes once; and imports of SciPy and Polars, which
+together take 0.5 s, and of the reader of TOML."""
 
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, TypeVar
 
 if sys.version_info >= (3, 11):
     import tomllib as tomllib
@@ -34,3 +36,13 @@ else:
             return value
 
     scipy, polars = _LazyLibrary("scipy", "."), _LazyLibrary("polars", ":")
+
+T = TypeVar("T")
+
+
+def computed_once(result: object, what: str, options: Hashable, compute: Callable[[], T]) -> T:
+    """Return a value that depends on a result and on options, and compute it the first time."""
+    values: dict[tuple[str, Hashable], T] = result.__dict__.setdefault("_computed", {})
+    if (what, options) not in values:
+        values[what, options] = compute()
+    return values[what, options]

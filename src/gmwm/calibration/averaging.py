@@ -11,7 +11,7 @@ from statistics import NormalDist
 from gmwm.base.errors import GmwmError
 from gmwm.base.lazy import scipy
 from gmwm.choosing.datasheets import Datasheet, Entry, model_datasheet
-from gmwm.choosing.datasheets.bias import SYMBOL
+from gmwm.choosing.datasheets.bias import SYMBOL, FitCurve
 from gmwm.choosing.datasheets.effective import is_flicker
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL
 from gmwm.choosing.selection.ranking import Candidate, Ranking
@@ -144,6 +144,7 @@ def _sheet_of(candidate: Candidate, sheet: Datasheet, level: float) -> Datasheet
     if candidate.recommended:
         return sheet
     with suppress(GmwmError):
+        FitCurve.of(candidate.fit)  # here, because the copy with quick intervals has it, and the bias at rest needs it
         other = model_datasheet(with_quick_intervals(candidate.fit, level), level)
         return other if _is_determined(other) else None
     return None

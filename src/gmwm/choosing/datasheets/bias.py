@@ -12,6 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import ModelError
+from gmwm.base.lazy import computed_once
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
@@ -47,10 +48,7 @@ class FitCurve:
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
         """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
-        stored: dict[bool, FitCurve] = fit.__dict__.setdefault("_curves", {})
-        if sampling not in stored:
-            stored[sampling] = cls._of(fit, sampling)
-        return stored[sampling]
+        return computed_once(fit, "curve", sampling, lambda: cls._of(fit, sampling))
 
     @classmethod
     def _of(cls, fit: Fit, sampling: bool) -> FitCurve:

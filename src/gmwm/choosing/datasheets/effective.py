@@ -12,6 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector, as_number
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
+from gmwm.base.lazy import computed_once
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
@@ -41,6 +42,10 @@ model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effe
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
     """Return the factor from a model's density to the measured one, 1 within `MISFIT_ERRORS`; None if always 1."""
+    return computed_once(fit, "ratio", (), lambda: _curve_ratio(fit))
+
+
+def _curve_ratio(fit: Fit) -> CurveRatio | None:
     fit = fit.without_lags
     wv = fit.wavelet_variance
     lines = np.zeros(len(wv))
@@ -150,13 +155,14 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
 def claim(fit: Fit, white: float, walk: float, time: float) -> float:
     """Return the error that a filter with N and K states for the mean over the next `time` seconds, over its error."""
-    stored: dict[tuple[float, float, float], float] = fit.__dict__.setdefault("_claims", {})
-    if (white, walk, time) not in stored:
-        rate = fit.wavelet_variance.rate
-        samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
-        real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
-        stored[white, walk, time] = math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
-    return stored[white, walk, time]
+    return computed_once(fit, "claim", (white, walk, time), lambda: _claim(fit, white, walk, time))
+
+
+def _claim(fit: Fit, white: float, walk: float, time: float) -> float:
+    rate = fit.wavelet_variance.rate
+    samples, gain = samples_in(time, rate), FilterGain(walk / (white * rate))
+    real = FilterPrediction.of(fit.model.processes, rate, samples, curve_ratio(fit)).error(gain)[0]
+    return math.sqrt(white**2 * rate * gain.claim(samples)[0] / real)
 
 
 def true_times(fits: Sequence[Fit], white: float, walk: float) -> tuple[float, float]:
@@ -245,11 +251,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     """Return the numbers at the ends of a poorly known region, where the best filter can be another one."""
-    stored: dict[tuple[Use, float], list[FilterNumbers]] = fit.__dict__.setdefault("_filter_numbers_at_ends", {})
-    if (use, z) not in stored:
-        ratio = curve_ratio(fit)
-        stored[use, z] = [_at(fit, use, ratio, end) for end in FitCurve.of(fit).ends(z)]
-    return stored[use, z]
+    ends = FitCurve.of(fit).ends(z)
+    return computed_once(fit, "ends", (use, z), lambda: [_at(fit, use, curve_ratio(fit), end) for end in ends])
 
 
 def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
@@ -258,11 +261,8 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
     fast = [p for p in processes if (p.oscillation() or 0.0) * use.horizon > MOST_PERIODS]
     if not 0 < len(fast) < len(processes):
         return numbers.N
-    stored: dict[Use, float] = fit.__dict__.setdefault("_white_without_flanks", {})
-    if use not in stored:
-        absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
-        stored[use] = _at(fit, use, curve_ratio(fit), absent).N
-    return stored[use]
+    absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
+    return computed_once(fit, "without flanks", use, lambda: _at(fit, use, curve_ratio(fit), absent).N)
 
 
 def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
@@ -296,21 +296,20 @@ class _Error:
 
 def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
     """Return N and K of the data and of the model itself, and their standard errors; None if there are none."""
-    stored: dict[Use, tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]]
-    stored = fit.__dict__.setdefault("_filter_numbers", {})
-    if use not in stored:
-        ratio = curve_ratio(fit)
-        numbers = _at(fit, use, ratio)
-        of_model = numbers if ratio is None else _at(fit, use, None)
-        try:
-            ratios = () if ratio is None else ratio.moved()
-            moved = [_at(fit, use, each) for each in ratios]
-            errors = _errors(fit, numbers, use, ratio)
-            errors = {symbol: error.with_curve(symbol, numbers, moved) for symbol, error in errors.items()}
-        except (MissingTheoryError, ModelError):
-            errors = None
-        stored[use] = (numbers, of_model), errors
-    return stored[use]
+    return computed_once(fit, "filter numbers", use, lambda: _compute_numbers(fit, use))
+
+
+def _compute_numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
+    ratio = curve_ratio(fit)
+    numbers = _at(fit, use, ratio)
+    of_model = numbers if ratio is None else _at(fit, use, None)
+    try:
+        ratios = () if ratio is None else ratio.moved()
+        moved = [_at(fit, use, each) for each in ratios]
+        errors = _errors(fit, numbers, use, ratio)
+        return (numbers, of_model), {symbol: e.with_curve(symbol, numbers, moved) for symbol, e in errors.items()}
+    except (MissingTheoryError, ModelError):
+        return (numbers, of_model), None
 
 
 def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None) -> dict[str, _Error]:

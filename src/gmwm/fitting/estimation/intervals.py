@@ -11,6 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
+from gmwm.base.lazy import computed_once
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
@@ -92,16 +93,15 @@ def confidence_intervals(
     seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
         # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
-        cache: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
-        if key not in cache:
-            cache[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
-        return dict(cache[key])
-    return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
+        return dict(
+            computed_once(fit, "intervals", key, lambda: _intervals(fit, level, method, draws=draws, seed=seed))
+        )
+    return _intervals(fit, level, method, draws=draws, seed=seed, covariance=covariance)
 
 
 def _intervals(
-    fit: Fit, level: float, method: Method, covariance: Matrix | None, draws: int, seed: int
+    fit: Fit, level: float, method: Method, draws: int, seed: int, covariance: Matrix | None = None
 ) -> dict[str, Interval]:
     two_sided: dict[str, Interval]
     if method == "bootstrap":
@@ -135,8 +135,8 @@ def _intervals(
 
 def with_quick_intervals(fit: Fit, level: float) -> Fit:
     """Return a fit with upper limits ĉ + z SE(ĉ), not iterated, for models of little weight in a comparison."""
-    key = (level, "asymptotic", DRAWS, 0)
-    if key in fit.__dict__.get("_intervals", {}):
+    key, computed = ("intervals", (level, "asymptotic", DRAWS, 0)), fit.__dict__.get("_computed", {})
+    if key in computed:
         return fit
     limits, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
     errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
@@ -150,7 +150,7 @@ def with_quick_intervals(fit: Fit, level: float) -> Fit:
                 high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
                 limits[name] = (-high if parameter.domain == "real" else 0.0, high)
     quick = copy(fit)
-    quick.__dict__["_intervals"] = {key: limits}
+    quick.__dict__["_computed"] = {**computed, key: limits}
     return quick
 
 

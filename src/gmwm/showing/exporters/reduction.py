@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gmwm.base.errors import DataError
+from gmwm.base.lazy import computed_once
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT, Quantity, letter_of, sensor_of
 from gmwm.calibration import Calibration
@@ -170,13 +171,12 @@ def filter_pair(calibrated: AxisCalibration, use: Use, level: float) -> tuple[En
     if use == Use() and {"N", "K"} <= set(sheet):
         return sheet["N"], sheet["K"]
     # The entries are stored, because many files are written from one calibration, and a limit needs another fit.
-    stored: dict[tuple[Use, float], tuple[Entry, Entry]] = fit.__dict__.setdefault("_limited_numbers", {})
-    if (use, level) not in stored:
-        numbers = limited(fit, filter_entries(fit, use, level), use.horizon, level)
-        stored[use, level] = numbers["N"], numbers["K"]
+    numbers = computed_once(
+        fit, "limited", (use, level), lambda: limited(fit, filter_entries(fit, use, level), use.horizon, level)
+    )
     white, walk = (
         as_limit(entry) if entry.symbol in sheet and sheet[entry.symbol].upper_only else entry
-        for entry in stored[use, level]
+        for entry in (numbers["N"], numbers["K"])
     )
     return white, walk
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from gmwm.base.documents import indented_json
 from gmwm.base.errors import MissingTheoryError
+from gmwm.base.lazy import computed_once
 from gmwm.base.remarks import Remark
 from gmwm.calibration import Calibration
 from gmwm.fitting.estimation.result import Fit
@@ -19,7 +20,7 @@ from gmwm.showing.exporters.base import Exporter, ExportOptions, Noise, TwoNumbe
 from gmwm.showing.exporters.quality import of_ramps
 from gmwm.showing.exporters.reduction import Number
 from gmwm.showing.exporters.text import cautions, commented, paragraphs, plain, recording, written
-from gmwm.showing.exporters.two_states import STATES, TwoStates, cached, is_ramp_of, two_states
+from gmwm.showing.exporters.two_states import STATES, TwoStates, is_ramp_of, two_states
 from gmwm.theory.processes.ladder import approximation_remarks
 from gmwm.theory.processes.model import Model
 
@@ -256,7 +257,7 @@ def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -
     """Return an axis's state-space matrices, and those of two states, at the rate of the options or recording."""
     fit, key = calibration[axis], (options.rate, options.horizon, options.duration)
     try:
-        return cached(fit, "matrices", key, lambda: _axis_matrices(fit, options))
+        return computed_once(fit, "matrices", key, lambda: _axis_matrices(fit, options))
     except MissingTheoryError as error:
         raise error.at(axis) from error
 

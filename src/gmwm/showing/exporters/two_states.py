@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import TypeVar
 
 import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector, freeze
-from gmwm.base.lazy import scipy
+from gmwm.base.lazy import computed_once, scipy
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
@@ -30,8 +29,6 @@ LEAST_AVERAGING_RATIO = 4.0  # smallest ratio of the longest averaging time to t
 POINTS = 25  # number of averaging times in the fit, with equal distances in the logarithm
 _TRIED = {1: 80, 2: 16}
 """Grid size of correlation times by number of states; the best of all combinations is refined."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -80,15 +77,7 @@ def apart(error: float) -> str:
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
     """Fit white noise and two GM states from the horizon to the duration (s; one hour, or the recording) by least
     squares of the log Allan variance; None if no walk is best, or a sample is longer."""
-    return cached(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
-
-
-def cached(fit: Fit, what: str, options: tuple[float | None, ...], compute: Callable[[], T]) -> T:
-    """Return a value that depends on a fit, and compute it the first time. The formats have many values in common."""
-    values: dict[tuple[str, tuple[float | None, ...]], T] = fit.__dict__.setdefault("_exported", {})
-    if (what, options) not in values:
-        values[what, options] = compute()
-    return values[what, options]
+    return computed_once(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
 
 
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:
