@@ -81,6 +81,18 @@ def test_the_derivative_is_the_derivative():
         assert slope == pytest.approx((high - low) / (2 * step), rel=1e-6, abs=1e-9 * error)
 
 
+@each("name", ["WN", "GM", "FN", "RW", "QN"])
+def test_the_derivative_is_zero_at_the_best_gain(name):
+    # The gain comes from an interpolation of the derivative between two points of a grid.
+    model = WN(sigma2=1.0) + RW(gamma2=1e-7) + FN(b2=1e-3)
+    prediction = FilterPrediction.of([*model.processes, NOISES[name]], RATE, 100)
+    gain = best_gain(prediction)
+    error, slope = prediction.error(gain)
+    curvature = prediction.error(FilterGain(gain.bandwidth * math.exp(0.01)))[1] / 0.01
+    assert error > 0
+    assert abs(slope) < 1e-12 * curvature
+
+
 @each("rate", [0.001, 1.0, 100.0, 10_000.0])
 @each("horizon", [1e-3, 1.0, 60.0])
 @each("bandwidth", [1e-7, 1e-3, 1.0])

@@ -18,7 +18,7 @@ from gmwm.calibration.averaging import WALK, markov_instead_of_walk
 from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
 from gmwm.choosing.datasheets.effective import Use, true_times
-from gmwm.choosing.datasheets.filter_numbers import filter_numbers
+from gmwm.choosing.datasheets.filter_numbers import filter_numbers, resonances_of
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.linearised import usable_in
 from gmwm.fitting.estimation.model_error import implausible_levels
@@ -399,9 +399,10 @@ def _oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:
     oscillating = [process for process in processes if process.oscillation() is not None]
     if not oscillating:
         return
+    shared = resonances_of(processes, rate)
 
     def without(left_out: Collection[Process]) -> float:
-        return filter_numbers([p for p in processes if p not in left_out], rate, among=processes).N
+        return filter_numbers([p for p in processes if p not in left_out], rate, shared=shared).N
 
     try:
         density = without(())

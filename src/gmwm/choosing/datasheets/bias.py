@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
@@ -85,13 +85,14 @@ class FitCurve:
         nearer if the variance changes there by over twice what its derivative says: the data exclude what is beyond."""
         free = [k for k, (_, name) in enumerate(self.moving) if name is not None]
         variances, axes = np.linalg.eigh(self.scatter[np.ix_(free, free)])
+        here = self._variance(dict.fromkeys(self.moving[k][0] for k in free))
         for variance, axis in zip(variances, axes.T, strict=True):
             reach = min(z * math.sqrt(max(variance, 0.0)), math.log(WIDEST_INTERVAL))
             most = 2.0 * reach * float(np.linalg.norm(self.weighted[:, free] @ axis))
             for change in (-reach, reach):
                 while abs(change) > math.log(2.0):
                     end = self._end(free, change * axis)
-                    if end is not None and np.linalg.norm(self.root @ self._difference(end)) <= most:
+                    if end is not None and np.linalg.norm(self.root @ (self._variance(end.values()) - here)) <= most:
                         yield end
                         break
                     change *= 0.8
@@ -107,14 +108,10 @@ class FitCurve:
             return {process: process.with_values(**names) for process, names in values.items()}
         return None
 
-    def _difference(self, end: Mapping[Process, Process]) -> Vector:
-        """Return the difference (L,) of the wavelet variance with the processes of `end`."""
+    def _variance(self, processes: Iterable[Process]) -> Vector:
+        """Return the wavelet variance (L,) of a sum of processes."""
         d = self.design
-        curves = [
-            there.wavelet_variance(d.levels, d.rate, d.filter) - here.wavelet_variance(d.levels, d.rate, d.filter)
-            for here, there in end.items()
-        ]
-        return np.asarray(sum(curves, np.zeros(len(d.levels))))
+        return np.asarray(sum(p.wavelet_variance(d.levels, d.rate, d.filter) for p in processes))
 
     def slopes(self, sizes: Sequence[int]) -> Matrix:
         """Return the derivatives (p, n) of the Allan variance at numbers of samples (n,) by the parameters."""

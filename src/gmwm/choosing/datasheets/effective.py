@@ -24,6 +24,7 @@ from gmwm.choosing.datasheets.filter_numbers import (
     FilterNumbers,
     FilterPrediction,
     filter_numbers,
+    resonances_of,
     samples_in,
 )
 from gmwm.choosing.datasheets.limits import hidden, measurable
@@ -273,7 +274,8 @@ def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Proc
     # A recording has too few parts to show that a slower filter predicts better, so K is zero
     # (tests/test_effective_noise.py).
     slowest = wv.samples / 10.0
-    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, among=together)
+    shared = resonances_of(together, wv.rate)
+    return filter_numbers(processes, wv.rate, use.horizon, ratio=ratio, slowest=slowest, shared=shared)
 
 
 @dataclass(frozen=True)
@@ -319,13 +321,13 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
     curve = FitCurve.of(fit)
-    together = [process for process in fit.model.processes if use.contains(process, curve.design.rate)]
+    rate = curve.design.rate
+    shared = resonances_of([process for process in fit.model.processes if use.contains(process, rate)], rate)
 
     def of(process: Process) -> Vector:
-        if not use.contains(process, curve.design.rate):
+        if not use.contains(process, rate):
             return np.zeros(2)
-        alone = FilterPrediction.of([process], curve.design.rate, samples, ratio, among=together)
-        return np.array(alone.error(gain))
+        return np.array(FilterPrediction.of([process], rate, samples, ratio, shared=shared).error(gain))
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts1, chebroots, chebvander
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
@@ -37,6 +38,7 @@ to 0.89 without lines, which predict better at 1, 10 and 60 s (docs/concepts/two
 
 Spectrum = Callable[[Vector], Vector]
 """Density (u² per sample) at angular frequencies (rad per sample) above zero; 1 for white noise of variance 1."""
+Shape = tuple[type[Process], bytes]  # class and nonlinear parameters of a process, which its strength does not change
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +61,6 @@ class CurveRatio:
 
 
 @dataclass(frozen=True, eq=False)
-class _GainFree:
-    """The parts of G − H that do not depend on the gain: G − 1, 1 − e^{−iθ}, and the oscillation that is left out."""
-
-    mean: np.ndarray
-    difference: np.ndarray
-    start: np.ndarray
-    left_out: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
 class Quadrature:
     """Angular frequencies (rad per sample) at which |G − H|² of n samples is integrated, and weights over π.
 
@@ -77,10 +69,6 @@ class Quadrature:
     theta: Vector
     weights: Vector
     samples: int
-
-    def __reduce__(self) -> tuple[type[Quadrature], tuple[Vector, Vector, int]]:
-        """Leave `fixed` out, which a copy in another process rarely needs."""
-        return Quadrature, (self.theta, self.weights, self.samples)
 
     def mass(self, density: Vector) -> Vector:
         """Return the weights times a density."""
@@ -91,14 +79,24 @@ class Quadrature:
         return mass
 
     @cached_property
-    def fixed(self) -> _GainFree:
-        """The parts of the responses that do not depend on the gain."""
+    def terms(self) -> Matrix:
+        """(5, m) numbers a, b, c, d and e = |1 − e^{−iθ}|² that do not depend on the gain, with k = 1 − g and
+
+            |G − H|² = a + (b g² + c g k + d k²)/(g² + e k),
+
+        from |G|² and H above one radian of the mean, and from G − 1 and 1 − H below, where G − H is small."""
         n, difference = self.samples, -np.expm1(-1j * self.theta)
         start = 1 / (n * difference)  # G = start (e^{inθ} − 1)
-        mean = start * np.expm1(1j * n * self.theta) - 1
-        shown = 0.5 * scipy.special.erfc((n * self.theta - _FADE) / _WIDTH) if n > 2 * _PERIODS else np.ones(mean.size)
-        left_out = np.where(shown < 1, (1 - shown) * start * np.exp(1j * n * self.theta), 0.0)
-        return _GainFree(mean, difference, start, left_out)
+        shown = 0.5 * scipy.special.erfc((n * self.theta - _FADE) / _WIDTH) if n > 2 * _PERIODS else 1.0
+        oscillation = shown * start * np.exp(1j * n * self.theta)
+        mean, near = oscillation - start, start * np.expm1(1j * n * self.theta) - 1
+        slow, size = n * self.theta < 1, np.abs(difference) ** 2
+        return np.array([
+            np.where(slow, np.abs(near) ** 2, -2 * np.real(np.conj(start) * mean)),
+            np.where(slow, 0, 1 - 2 * mean.real),
+            2 * np.real(np.where(slow, np.conj(near), -mean) * difference),
+            np.where(slow, size * (2 * near.real + 1), 0), size,
+        ])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,26 +118,30 @@ class FilterPrediction:
     @classmethod
     def of(
         cls, processes: Iterable[Process], rate: float, samples: int, ratio: CurveRatio | None = None, *,
-        lines: bool = True, among: Iterable[Process] = (),
+        lines: bool = True, shared: tuple[Shape, ...] = (),
     ) -> FilterPrediction:  # fmt: skip
         """Return the prediction of a sum of processes, with a factor `ratio` of their density and, if `lines`,
-        sinusoids near the horizon; processes `among` others with all their resonances share a quadrature."""
-        present = [p for p in processes if p.scale != 0]
-        sinusoids = [line for p in present if (line := p.line(rate)) is not None and lines]
-        seen = [(power, abs(cycles)) for power, cycles in sinusoids if is_near(abs(cycles) * samples)]
-        noises = [p for p in present if p.line(rate) is None]
-        ramps = [p for p in noises if not p.has("psd") and is_ramp(p, rate)]
-        ramp = sum(float(np.diff(p.mean([0, 1]))[0]) ** 2 for p in ramps)
-        moving = [p for p in noises if p not in ramps]
+        sinusoids near the horizon; sums whose `resonances_of` are among `shared` have the same quadrature."""
+        seen, moving, ramp = [], [], 0.0
+        for process in processes:
+            if process.scale == 0:
+                continue
+            if (line := process.line(rate)) is not None:
+                seen += [line] if lines and is_near(abs(line[1]) * samples) else []
+            elif not process.has("psd") and is_ramp(process, rate):
+                ramp += float(np.diff(process.mean([0, 1]))[0]) ** 2
+            else:
+                moving.append(process)
         parts = []
         if moving:
-            resonances, shared = (resonances_of(group, rate) for group in (moving, among))
+            resonances = resonances_of(moving, rate)
             kinks = () if ratio is None else tuple((math.sqrt(2) * math.pi / 2**ratio.levels).tolist())
             at = _quadrature(shared if set(resonances) <= set(shared) else resonances, rate, samples, kinks)
-            density = np.sum([_density(process, rate, at) for process in moving], axis=0)
-            parts.append((at, at.mass(density if ratio is None else density * ratio(at.theta))))
+            masses = np.array([_unit_mass(_shape(process), rate, at) for process in moving])
+            mass = np.array([process.scale for process in moving]) @ masses
+            parts.append((at, mass if ratio is None else mass * _factor(ratio, at)))
         if seen:
-            at = _at_lines(tuple(cycles for _, cycles in seen), samples)
+            at = _at_lines(tuple(abs(cycles) for _, cycles in seen), samples)
             parts.append((at, np.array([power for power, _ in seen])))
         return cls(tuple(parts), samples, ramp)
 
@@ -152,14 +154,12 @@ class FilterPrediction:
             error, change = error + float(square @ mass), change + float(slope @ mass)
         return error, change * gain.slope
 
-    def slopes_on_grid(self, slowest: float) -> tuple[Vector, Vector]:
-        """Return a grid of ln(w Δt), and the derivatives of the error there; see `best_gain`."""
-        grid, _, (g, keep, slopes) = _grid(slowest)
-        sums = -2 * self.ramp * ((self.samples + 1) / 2 + keep / g) / g**2
+    def slopes(self, gains: _Gains) -> Vector:
+        """Return the derivatives of the error with respect to ln(w Δt) at several gains."""
+        sums = -2 * self.ramp * ((self.samples + 1) / 2 + gains.keep / gains.g) / gains.g**2
         for at, mass in self.parts:
-            # A product with the matrix would round otherwise than `error`, which decides at a root on the grid.
-            sums = sums + np.array([change @ mass for change in _on_grid(at, slowest)])
-        return grid, sums * slopes
+            sums = sums + _slopes(at, gains) @ mass
+        return np.asarray(sums * gains.slope)
 
 
 @dataclass(frozen=True)
@@ -196,26 +196,36 @@ def is_near(periods: float) -> bool:
     return LEAST_PERIODS <= periods <= MOST_PERIODS
 
 
-@lru_cache(maxsize=256)
-def _density(process: Process, rate: float, at: Quadrature) -> Vector:
-    return freeze(spectrum_of(process, rate)(at.theta))
+def _shape(process: Process) -> Shape:
+    return type(process), process.nonlinear.tobytes()
 
 
-def resonances_of(processes: Iterable[Process], rate: float) -> tuple[Process, ...]:
-    """Return the processes whose density the panels may have to be halved for, without their strength."""
-    shapes = (_resonance(process, rate) for process in processes)
-    return tuple(dict.fromkeys(shape for shape in shapes if shape is not None))
+def _unit(shape: Shape) -> Process:
+    return shape[0].standard(np.frombuffer(shape[1]))
 
 
 @lru_cache(maxsize=256)
-def _resonance(process: Process, rate: float) -> Process | None:
-    if process.scale == 0 or process.line(rate) is not None:
-        return None
+def _unit_mass(shape: Shape, rate: float, at: Quadrature) -> Vector:
+    """Return the weights of a quadrature times the density of a process with scale coefficient 1."""
+    return freeze(at.mass(spectrum_of(_unit(shape), rate)(at.theta)))
+
+
+@lru_cache(maxsize=4)
+def _factor(ratio: CurveRatio, at: Quadrature) -> Vector:
+    return freeze(ratio(at.theta))
+
+
+def resonances_of(processes: Iterable[Process], rate: float) -> tuple[Shape, ...]:
+    """Return the shapes of processes whose density the panels may have to be halved for."""
+    shapes = (_shape(process) for process in processes if process.scale != 0 and process.line(rate) is None)
+    return tuple(dict.fromkeys(shape for shape in shapes if _may_resonate(shape, rate)))
+
+
+@lru_cache(maxsize=256)
+def _may_resonate(shape: Shape, rate: float) -> bool:
     # A power law is smooth, and so is the density of an exponential covariance that does not alternate.
-    shapes = len(process.nonlinear_parameters())
-    if process.has("psd") and (not shapes or (shapes == 1 and min(process.decays(rate), default=-1.0) > 0)):
-        return None
-    return process.with_scale(1.0)
+    process, count = _unit(shape), len(shape[0].nonlinear_parameters())
+    return not process.has("psd") or (count > 0 and (count > 1 or min(process.decays(rate), default=-1.0) <= 0))
 
 
 def spectrum_of(process: Process, rate: float) -> Spectrum:
@@ -245,28 +255,49 @@ def _of_octaves(process: Process, rate: float) -> Spectrum:
 
 @lru_cache(maxsize=16)
 def _responses(at: Quadrature, gain: FilterGain) -> tuple[Vector, Vector]:
-    """Return |G − H|² at the frequencies of a quadrature, and its derivative with respect to g."""
-    fixed = at.fixed
-    inverse = 1 / (gain.g + gain.keep * fixed.difference)
-    remainder = fixed.mean + gain.keep * fixed.difference * inverse  # G − H = (G − 1) − (H − 1)
-    slope = fixed.difference * inverse**2
-    square = np.abs(remainder) ** 2 + 2 * np.real(fixed.left_out * np.conj(fixed.start + gain.g * inverse))
-    return np.asarray(square), np.asarray(2 * np.real((fixed.left_out - remainder) * np.conj(slope)))
+    return _of_gains(at, gain.g, gain.keep)
+
+
+def _of_gains(at: Quadrature, g: float | Matrix, keep: float | Matrix) -> tuple[Matrix, Matrix]:
+    """Return |G − H|² at the frequencies of a quadrature, and its derivative with respect to g, for gains in rows."""
+    steady, white, both, walk, size = at.terms
+    inverse = 1 / (g**2 + keep * size)
+    follows = (g**2 * white + g * keep * both + keep**2 * walk) * inverse
+    change = 2 * g * white + (keep - g) * both - 2 * keep * walk
+    return steady + follows, (change - (2 * g - size) * follows) * inverse
+
+
+@dataclass(frozen=True, eq=False)
+class _Gains:
+    """Several gains by ln(w Δt) = `logs` (m,), with `FilterGain`'s numbers."""
+
+    logs: Vector
+    g: Vector
+    keep: Vector
+    slope: Vector
+
+    @classmethod
+    def at(cls, logs: Vector) -> _Gains:
+        """Return the gains at ln(w Δt)."""
+        gains = [FilterGain(math.exp(u)) for u in logs]
+        return cls(logs, *np.array([(gain.g, gain.keep, gain.slope) for gain in gains]).T)
 
 
 @lru_cache(maxsize=4)
-def _grid(slowest: float) -> tuple[Vector, list[FilterGain], Matrix]:
-    """Return a grid of ln(w Δt), its gains, and their g, 1 − g and slopes (3, n)."""
+def _grid(slowest: float) -> _Gains:
     count = 1 + math.ceil(_PER_DECADE * math.log10(_HIGHEST * slowest))
-    grid = np.linspace(-math.log(slowest), math.log(_HIGHEST), count)
-    gains = [FilterGain(math.exp(u)) for u in grid]
-    return grid, gains, np.array([(gain.g, gain.keep, gain.slope) for gain in gains]).T
+    return _Gains.at(np.linspace(-math.log(slowest), math.log(_HIGHEST), count))
 
 
-@lru_cache(maxsize=4)
-def _on_grid(at: Quadrature, slowest: float) -> Matrix:
-    """Return the derivatives of |G − H|² (n, m) on the grid."""
-    return np.array([_responses(at, gain)[1] for gain in _grid(slowest)[1]])
+@lru_cache(maxsize=32)
+def _between(low: float, high: float) -> _Gains:
+    return _Gains.at((low + high) / 2 + (high - low) / 2 * _NODES)
+
+
+@lru_cache(maxsize=16)
+def _slopes(at: Quadrature, gains: _Gains) -> Matrix:
+    """Return the derivatives of |G − H|² (m, n) with respect to g."""
+    return _of_gains(at, gains.g[:, None], gains.keep[:, None])[1]
 
 
 def _panels(samples: int, kinks: Sequence[float]) -> Vector:
@@ -288,17 +319,17 @@ def _grown(low: float, high: float, by: float) -> Vector:
 
 
 @lru_cache(maxsize=32)
-def _quadrature(resonances: tuple[Process, ...], rate: float, samples: int, kinks: tuple[float, ...]) -> Quadrature:
+def _quadrature(resonances: tuple[Shape, ...], rate: float, samples: int, kinks: tuple[float, ...]) -> Quadrature:
     """Return a quadrature whose panels end at `kinks` and are halved at resonances; densities are smooth elsewhere."""
-    halved = [_halved(process, rate) for process in resonances]
+    halved = [_halved(shape, rate) for shape in resonances]
     return _on_panels(np.unique(np.concatenate([_panels(samples, kinks), *halved])).tobytes(), samples)
 
 
 @lru_cache(maxsize=256)
-def _halved(process: Process, rate: float) -> Vector:
+def _halved(shape: Shape, rate: float) -> Vector:
     """Return the ends of panels that are halved until they are accurate at the resonance of a process."""
     splits = 12
-    spectrum, ends = spectrum_of(process, rate), []
+    spectrum, ends = spectrum_of(_unit(shape), rate), []
 
     def integrals(low: Vector, high: Vector) -> Vector:
         theta, weights = _rule(low, high)
@@ -343,6 +374,10 @@ def _rule(low: Vector, high: Vector) -> NDArray[np.float64]:
 SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a filter, in samples
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
+_NODES = chebpts1(12)
+_COEFFICIENTS = chebvander(_NODES, 11).T / np.where(np.arange(12) > 0, 6, 12)[:, None]
+"""Nodes between two grid points, and matrix of Chebyshev coefficients. The error is analytic for an imaginary part of
+ln w below π/2, so that 12 nodes are exact to double precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -356,6 +391,10 @@ class FilterNumbers:
     rate: float
     prediction: FilterPrediction
 
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the prediction out, which a copy in another process does not need."""
+        return {name: value for name, value in self.__dict__.items() if name != "prediction"}
+
 
 def samples_in(time: float, rate: float) -> int:
     """Convert a time (s) to a number of samples, which is at least 1."""
@@ -364,7 +403,7 @@ def samples_in(time: float, rate: float) -> int:
 
 def filter_numbers(
     processes: Iterable[Process], rate: float, horizon: float = 1.0, *, ratio: CurveRatio | None = None,
-    slowest: float = SLOWEST_FILTER_SAMPLES, among: Iterable[Process] = (),
+    slowest: float = SLOWEST_FILTER_SAMPLES, shared: tuple[Shape, ...] = (),
 ) -> FilterNumbers:  # fmt: skip
     """Compute N and K of the filter that predicts the mean of a noise over the next T = `horizon` seconds best.
 
@@ -375,9 +414,9 @@ def filter_numbers(
     J_T is the mean square error (see `FilterPrediction`), and the left side the error that the filter states. The code
     has the exact form for samples, so white noise plus a walk has the numbers of its terms. White N and flicker B have
     K = 2B²/(πN) for w T ≪ 1. K is zero if the best filter is slower than `slowest` samples; see `FilterPrediction.of`
-    for `among`."""
+    for `shared`."""
     samples = samples_in(horizon, rate)
-    prediction = FilterPrediction.of(processes, rate, samples, ratio, among=among)
+    prediction = FilterPrediction.of(processes, rate, samples, ratio, shared=shared)
     gain = best_gain(prediction, slowest)
     error = prediction.error(gain)[0]
     walks = gain.bandwidth * slowest > 1
@@ -393,14 +432,15 @@ def filter_numbers(
 def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMPLES) -> FilterGain:
     """Return the gain with the smallest prediction error, which is exact if J has few minima per decade."""
 
-    def slope(u: float) -> float:
-        return prediction.error(FilterGain(math.exp(u)))[1]
+    def root(low: float, high: float) -> float:
+        """Return ln(w Δt) of a minimum on the grid, by interpolation of the derivative."""
+        roots = chebroots(_COEFFICIENTS @ prediction.slopes(_between(low, high)))
+        inside = np.clip(roots.real, -1.0, 1.0)
+        return (low + high) / 2 + (high - low) / 2 * float(inside[np.argmin(np.abs(roots - inside))])
 
-    grid, slopes = prediction.slopes_on_grid(slowest)
-    gains = [
-        FilterGain(math.exp(scipy.optimize.brentq(slope, grid[k], grid[k + 1], xtol=1e-12, rtol=1e-12)))
-        for k in np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0))
-    ]
+    grid, slopes = _grid(slowest).logs, prediction.slopes(_grid(slowest))
+    places = np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0)).tolist()
+    gains = [FilterGain(math.exp(root(*grid[k : k + 2].tolist()))) for k in places]
     gains += [FilterGain(1 / slowest)] if slopes[0] >= 0 else []
     gains += [FilterGain(_HIGHEST)] if slopes[-1] < 0 else []
     return min(gains, key=lambda gain: prediction.error(gain)[0])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -68,6 +69,7 @@ def require_state(process: Process) -> None:
         )
 
 
+@lru_cache(maxsize=64)
 def is_ramp(process: Process, rate: float) -> bool:
     """Return whether a process is deterministic except for its scale, like a drift."""
     unit = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
