@@ -85,6 +85,14 @@ def test_temperature_is_interpolated_between_its_readings(tmp_path, suffix, kind
     np.testing.assert_allclose(imu.temperature, np.interp(np.arange(ROWS), known, values[known]), rtol=1e-12)
 
 
+@pytest.mark.parametrize(("name", "readings"), [("temp_F", [77.0, 86.0]), ("temperature [K]", [298.15, 303.15])])
+def test_a_temperature_is_in_celsius(tmp_path, name, readings):
+    values = np.repeat(readings, ROWS // 2)
+    values[7] = np.nan
+    imu = both(written(tmp_path, table(**{name: values})))
+    np.testing.assert_allclose(imu.temperature, np.repeat([25.0, 30.0], ROWS // 2), rtol=1e-12)
+
+
 @pytest.mark.slow
 def test_rows_of_the_temperature_alone_are_readings(tmp_path):
     columns = table()

@@ -120,6 +120,13 @@ _ACCELERATION = re.compile(
 _GRAVITY = re.compile(r"(?P<prefix>milli|micro|nano|[mnuµ])?-?(?:(?P<gal>gals?)|g(?:n|0|ees?|s|ravity|ravities)?)")
 
 
+def in_celsius(values: Vector, unit: str) -> Vector:
+    """Return temperatures in °C; a unit other than "K" and "°F" leaves them as they are."""
+    if unit == "K":
+        return values - 273.15
+    return (values - 32) / 1.8 if unit == "°F" else values
+
+
 @lru_cache(maxsize=1024)
 def find_unit(text: str) -> Unit | None:
     """Return the unit that `text` spells, or None.

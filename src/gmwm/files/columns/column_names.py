@@ -214,7 +214,8 @@ def unit_of(text: str, axis: str) -> str:
     if axis == "time":
         return find_time_unit(text)
     if axis == "temperature":
-        return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
+        key = key.removeprefix("°").removeprefix("deg").strip("_.")
+        return {"c": "°C", "celsius": "°C", "k": "K", "kelvin": "K", "f": "°F", "fahrenheit": "°F"}.get(key, text)
     unit = find_unit(text)
     return unit.name if unit is not None and axis.startswith(unit.quantity) else ""
 

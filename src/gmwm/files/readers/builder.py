@@ -17,7 +17,7 @@ from gmwm.base.arrays import Vector
 from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import beyond_sensors, si_unit
+from gmwm.base.units import beyond_sensors, in_celsius, si_unit
 from gmwm.files.clock.missing_values import about_lost, as_floats, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
@@ -78,8 +78,8 @@ class _RowBlock:
         return {**self.rows, column: out}
 
 
-def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float) -> Iterator[Rows]:
-    """Yield the chunks with a temperature in each row, from the first reading (°C) on."""
+def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float, unit: str) -> Iterator[Rows]:
+    """Yield the chunks with a temperature (°C) in each row, from the first reading on; `unit` is that of the file."""
     column, count, origin = columns["temperature"], 0, None
     before = latest = _TemperatureReading(-MOST_ROWS_APART - 1, np.nan, first)
     waiting = list[_RowBlock]()
@@ -98,8 +98,9 @@ def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: 
         if "time" in columns and size:
             origin = rows[columns["time"]][0] if origin is None else origin
             stamps = _since(rows[columns["time"]], origin)
-        values = rows[column].astype(np.float64, copy=False)
-        block, count = _RowBlock(rows, count, stamps=stamps, values=values, missing=missing), count + size
+        values = in_celsius(rows[column].astype(np.float64, copy=False), unit)
+        block = _RowBlock({**rows, column: values}, count, stamps=stamps, values=values, missing=missing)
+        count += size
         present = np.flatnonzero(~missing)
         if present.size:
             yield from flush(block.reading(present[0]))
@@ -211,7 +212,8 @@ class SampleBuilder:
         """Yield the samples of all rows of a source."""
         columns, reading = self._found.choice.columns, self._found.first_temperature
         chunks = rows.chunks(list(columns.values()))
-        for chunk in chunks if reading is None else with_temperature(chunks, columns, reading):
+        unit = self._found.temperature_unit
+        for chunk in chunks if reading is None else with_temperature(chunks, columns, reading, unit):
             yield from self.add(chunk)
         yield from self.end()
 

@@ -16,7 +16,7 @@ from gmwm.base.arrays import Vector, as_rate
 from gmwm.base.errors import DataError, GmwmWarning, InferredUnitWarning, ReadError, TimeBaseWarning
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
-from gmwm.base.units import SI_UNIT, axis_quantity
+from gmwm.base.units import SI_UNIT, axis_quantity, in_celsius
 from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.missing_values import (
     Sifted,
@@ -32,6 +32,7 @@ from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
 from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps
 from gmwm.files.columns.axis_units import multiply, offset_counts, resolve, time_unit
+from gmwm.files.columns.column_names import named_unit, unit_of
 from gmwm.files.columns.columns import ColumnChoice, describe_columns
 from gmwm.files.contract import Layout, Rows
 from gmwm.recording.chunks import MINIMUM_SAMPLES
@@ -89,6 +90,7 @@ class Interpretation:
     # whether some rows of the file are left out, so that the clock counts fewer rows than the file has
     sparse: bool = False
     first_temperature: float | None = None  # the first reading of the temperature (°C); None if it is not read
+    temperature_unit: str = ""  # the unit of the readings in the file; "" means °C
 
     @property
     def rate(self) -> float:
@@ -176,9 +178,11 @@ def understand(
     about_scale = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=rate)
     numbers = {axis: values * ones[axis] for axis, values in counts.items()}
     scales = resolve(layout, choice, declared=options.units, values=numbers, rate=rate, increments=integrals)
-    reading = None
+    reading, degrees = None, ""
     if TEMPERATURE in choice.columns:
-        reading = _first_reading(rows, choice.columns[TEMPERATURE], source)
+        channel = layout.channels[choice.columns[TEMPERATURE]]
+        degrees = unit_of(channel.unit, TEMPERATURE) or named_unit(channel.name, TEMPERATURE)
+        reading = _first_reading(rows, choice.columns[TEMPERATURE], source, degrees)
     remarks = [*layout.remarks, *choice.remarks]
     for axis, (value, size) in constants.items():
         kind = "missing" if np.isnan(value) else "constant"
@@ -193,7 +197,7 @@ def understand(
         choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None), words=words,
         factors={axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in axes},
         timing=time, pace=pace, remarks=of_file(remarks, path), sparse=column is not None and column.sparse,
-        first_temperature=reading,
+        first_temperature=reading, temperature_unit=degrees,
     )  # fmt: skip
 
 
@@ -279,14 +283,14 @@ def _dead(rows: Rows, choice: ColumnChoice, source: RowSource) -> dict[str, tupl
     return constants
 
 
-def _first_reading(rows: Rows, column: int, source: RowSource | None) -> float | None:
-    """Return the first temperature of a recording; None if there is none."""
+def _first_reading(rows: Rows, column: int, source: RowSource | None, unit: str) -> float | None:
+    """Return the first temperature of a recording (°C); None if there is none."""
     blocks = [rows] if source is None or rows[column].size < HEAD_ROWS else source.chunks([column])
     for block in blocks:
         missing = is_missing(block[column])
         readings = block[column] if missing is None else block[column][~missing]
         if readings.size:
-            return float(readings[0])
+            return float(in_celsius(as_floats(readings[:1]), unit)[0])
     return None
 
 
