@@ -1,7 +1,10 @@
 """Clipping, counters, jumps and swings of the mean are found and named, and clean noise is not."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm import Signal
@@ -28,7 +31,8 @@ def imu_of(x):
 
 
 NAMED = {
-    "output-clipped:noise", "output-clipped:rare", "output-rounded:counter", "level-steps:clear",
+    "output-clipped:noise", "output-clipped:rare", "output-clipped:inside", "output-rounded:counter",
+    "level-steps:clear",
     "level-steps:possible", "trend:swing",
     "fault-undone:held",
     "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
@@ -81,6 +85,38 @@ def test_the_loss_of_clipped_gaussian_noise_is_that_of_the_samples():
         shares = [float(np.mean(z >= high)), float(np.mean(z <= low))]
         loss = _loss([share for share in shares if share])
         assert loss == pytest.approx(1 - np.std(np.clip(z, low, high)), abs=2e-3)
+
+
+@pytest.mark.parametrize("step", [0.0, 0.1, 0.3])
+def test_a_dead_band_is_found(step):
+    x = np.random.default_rng(7).normal(0.3, 1.0, SAMPLES)
+    x = np.round(x / step) * step if step else x
+    remark = only(seen(1e-3 * np.where(abs(x) < 1.0, 0.0, x)).remarks, "output-clipped:inside", "gyro_x")
+    assert remark.facts["share"] == pytest.approx(100 * np.mean(abs(x) < 1.0), rel=0.05)
+    assert remark.facts["value"].value == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.6])
+@pytest.mark.parametrize("memory", [0.0, 0.7])
+def test_truncation_towards_zero_is_found_only_around_zero(step, memory):
+    x = lfilter([math.sqrt(1 - memory**2)], [1, -memory], np.random.default_rng(7).standard_normal(SAMPLES))
+    assert "output-clipped:inside" in named(1e-3 * np.trunc((x + 0.3) / step) * step)
+    assert "output-clipped:inside" not in named(1e-3 * np.trunc((x + 9.0) / step) * step)
+    verdicts = gmwm.calibrate(imu_of(1e-3 * np.trunc(x / step) * step), "WN + RW").number_verdicts["gyro_x"]
+    assert verdicts["N"].usability.value == "do not use"
+
+
+@pytest.mark.parametrize("kind", ["t4", "laplace", "walk", "line", "twice"])
+def test_other_noise_has_no_dead_band(kind):
+    rng = np.random.default_rng(8)
+    noise = {
+        "t4": lambda: rng.standard_t(4, SAMPLES), "laplace": lambda: rng.laplace(size=SAMPLES),
+        "walk": lambda: 0.3 * rng.standard_normal(SAMPLES) + np.cumsum(0.02 * rng.standard_normal(SAMPLES)),
+        "line": lambda: rng.standard_normal(SAMPLES) + 5 * np.sin(0.3 * np.arange(SAMPLES)),
+        "twice": lambda: np.round(rng.standard_normal(SAMPLES) / 0.07) * 0.07,
+    }[kind]()  # fmt: skip
+    for step in (0.1, 0.25, 1.0):
+        assert "output-clipped:inside" not in named(1e-3 * np.round(noise / step) * step)
 
 
 @pytest.mark.slow

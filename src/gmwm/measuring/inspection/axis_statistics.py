@@ -30,7 +30,7 @@ class AxisStatistics:
         self._outliers: list[Outliers] = [(np.empty(0, dtype=np.int64), np.empty(0))]
         self._length = level_length(extent.samples)
         self._levels: list[tuple[int, list[Vector]]] = []
-        self._runs: list[list[Vector]] = [[] for _ in self._ranges]
+        self._runs, self._runs_of_all = ([list[Vector]() for _ in self._ranges] for _ in range(2))
         self._segment = self._row = 0  # joined range and index of the next sample
         self._waiting = np.empty(0)  # samples that are not yet processed
         self._tail = np.empty(0)  # the last processed samples of this range
@@ -65,9 +65,9 @@ class AxisStatistics:
         """Return the first sample and the block means, without outliers, of each range with five blocks."""
         return [(first, np.concatenate(means)) for first, means in self._means]
 
-    def runs(self) -> list[Vector]:
-        """Return the first consecutive samples of each window, without outliers."""
-        return [np.concatenate(run) for run in self._runs if run]
+    def runs(self, *, outliers: bool = False) -> list[Vector]:
+        """Return the first consecutive samples of each window, with or without outliers."""
+        return [np.concatenate(run) for run in (self._runs_of_all if outliers else self._runs) if run]
 
     def _gather(self, part: Vector, ends: bool) -> None:
         if not ends and self._waiting.size + part.size < _SLAB:
@@ -131,8 +131,9 @@ class AxisStatistics:
             calm = np.delete(part, inside) if inside.size else part
             self.calm.add(k, calm)
             # The mean hardly changes over 256 samples. The noise before rounding is estimated from them.
-            if (missing := 256 - sum(run.size for run in self._runs[k])) > 0:
-                self._runs[k].append(calm[:missing].copy())
+            for runs, samples in ((self._runs[k], calm), (self._runs_of_all[k], part)):
+                if (missing := 256 - sum(run.size for run in runs)) > 0:
+                    runs.append(samples[:missing].copy())
             # The difference that ends at the first sample of a window belongs to no window.
             second = max(low, a - begin + 1)
             self.steps.add_squares(k, steps[max(second - shift, 0) : high - shift])

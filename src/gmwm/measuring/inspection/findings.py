@@ -71,10 +71,10 @@ def of_copies(axes: Mapping[str, AxisInspection]) -> Iterator[Remark]:
 
 
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
-    """Yield remarks on axes whose output is clipped."""
+    """Yield remarks on axes whose output is clipped, or has a dead band."""
     for item in saturations:
         value = in_datasheet_units(item.value, 0.0, units[item.axis])
-        case = "noise" if item.matters else "rare"
+        case = "inside" if item.inside else "noise" if item.matters else "rare"
         yield Remark.of(
             "output-clipped", item.axis, case=case, share=100 * item.share, value=value, loss=100 * item.loss
         )  # fmt: skip

@@ -10,7 +10,7 @@ from itertools import pairwise
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.time_base import begins_of, lost_before, times_of
@@ -104,13 +104,14 @@ _NORMAL = NormalDist()
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
     """Samples of an axis at its extremes: their share, the commonest value, and the `loss` of spread of Gaussian noise.
-    `matters`: N loses more than half the 95 % confidence interval of white noise."""
+    `matters`: N loses more than half the 95 % confidence interval of white noise. `inside`: of a dead band."""
 
     axis: str
     share: float
     value: float
     loss: float
     matters: bool
+    inside: bool = False
 
 
 class Extremes:
@@ -182,6 +183,55 @@ def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: fl
     return Saturation(
         axis=axis, share=share, value=max(clipped)[1], loss=loss, matters=loss > 1.96 / math.sqrt(2 * samples)
     )
+
+
+def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float) -> Saturation | None:
+    """Return the value that has more samples than noise puts there, as in a dead band; None without, or if several
+    values do, as after rounding twice. `runs` are consecutive samples; `step` is 0 if no step is visible."""
+    values = np.concatenate([np.empty(0), *runs])
+    changes = np.concatenate([np.empty(0), *(np.diff(run) for run in runs)])
+    if not np.any(changes):
+        return None
+    least = max(_SHARE * values.size, _LEAST)
+    if step:
+        places = np.rint((values - np.min(values)) / step)
+        if np.max(places) > values.size:
+            return None
+        counts = np.bincount(places.astype(np.intp))
+        # Correlated samples change the numbers more than independent ones.
+        scatter = max(2 * float(np.var(values) / np.mean(changes**2)), 1.0)
+        most, found = _unlike_neighbours(counts, least, scatter)
+    else:  # noise does not return to a value
+        changed = np.concatenate([run[1:][np.diff(run) != 0] for run in runs])
+        levels, counts = np.unique(changed, return_counts=True)
+        places = np.where(values == levels[np.argmax(counts)], np.argmax(counts), -1)
+        most, found = np.zeros(counts.size), counts >= least
+    k = int(np.argmax(counts))
+    # The commonest value is a neighbour of the values up to two steps away.
+    if not found[k] or np.any(found[: max(k - 2, 0)]) or np.any(found[k + 3 :]):
+        return None
+    same = values[places == k]
+    share, loss = same.size / values.size, (same.size - float(most[k])) / values.size
+    if loss <= 1.96 / math.sqrt(2 * samples):
+        return None
+    value = float(np.median(same))
+    return Saturation(axis=axis, share=share, value=value, loss=loss, matters=True, inside=True)
+
+
+def _unlike_neighbours(counts: NDArray[np.intp], least: float, scatter: float) -> tuple[Vector, NDArray[np.bool_]]:
+    """Return the largest number of samples that the neighbours of each value allow, and the values with more.
+
+    From the commonest value to its neighbours, log p of rounded noise falls by at most as much as from these to the
+    next ones; truncation towards zero doubles n at zero. Values without samples on both sides are alone. `scatter` is
+    the variance of the numbers over that of independent samples."""
+    padded = np.pad(counts.astype(np.float64), 2)
+    sides = np.array([padded[:-4], padded[1:-3], padded[3:-1], padded[4:]])
+    filled, weights = np.maximum(sides, 1.0), np.array([-0.5, 1.0, 1.0, -0.5])
+    most = np.exp(weights @ np.log(filled))
+    limit = most + np.sqrt(_EXPECTED * scatter * most * (1 + most * (weights**2 @ (1 / filled))))
+    alone = ~np.any(sides, axis=0) & (counts >= least) & (np.sum(counts) - counts >= least)
+    found = alone | (np.all(sides >= _EXPECTED, axis=0) & (counts > limit))
+    return np.where(alone, 0.0, most), found
 
 
 def _loss(shares: list[float]) -> float:
