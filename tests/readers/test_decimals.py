@@ -72,6 +72,18 @@ def test_points_between_thousands_before_a_decimal_comma_are_left_out(tmp_path):
         gmwm.read(path)
 
 
+@pytest.mark.parametrize("digits", [2, 3, 4])
+def test_points_between_thousands_may_be_in_most_cells(tmp_path, digits):
+    values = 1000.0 * NOISE
+
+    def row(k: int) -> str:
+        cells = (f"{10 * k:,.{digits}f}", f"{30_000 + values[k]:,.{digits}f}", f"{-20_000 - values[k]:,.{digits}f}")
+        return ";".join(cell.replace(",", "#").replace(".", ",").replace("#", ".") for cell in cells)
+
+    imu = gmwm.read(saved(tmp_path, "time [ms];gyro_x [mdeg/s];gyro_y [mdeg/s]", row))
+    np.testing.assert_allclose(np.degrees(imu["gyro_x"].values), 30 + NOISE, atol=1e-5)
+
+
 @pytest.mark.parametrize("blank", ["\f", "\v", " \f ", "\t"])
 def test_a_line_of_form_feeds_is_blank_in_read_and_in_stream(tmp_path, blank):
     rows = [f"{k / RATE:.2f},{NOISE[k]:.6f}" + f"\n{blank}" * (k % 60 == 9) for k in range(SIZE)]

@@ -21,6 +21,7 @@ from gmwm.files.formats.line_forms import (
     LineForms,
     StampParts,
     find_parts,
+    is_grouped,
     is_number,
     line_forms,
     plain_header,
@@ -203,7 +204,11 @@ def _delimiter(lines: list[str], commas: Commas) -> tuple[str, bool]:
             rows = [split_line(line, delimiter) for line in sample]
             fields, same = Counter(map(len, rows)).most_common(1)[0]
             cells = [cell for row in rows for cell in row]
-            numbers = sum(is_number(cell, decimal_comma) or is_stamp(cell) for cell in cells if cell)
+            numbers = sum(
+                is_number(cell, decimal_comma) or is_stamp(cell) or (decimal_comma and is_grouped(cell))
+                for cell in cells
+                if cell
+            )
             filled = sum(bool(cell) for cell in cells) or 1
             score = (round(numbers / filled, 1), round(same / len(rows), 1), fields)
             if score > best_score and numbers:
