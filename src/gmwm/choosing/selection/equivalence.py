@@ -136,8 +136,8 @@ class Hypothesis:
     @cached_property
     def _penalties(self) -> Vector:
         """Penalty (n,) of the criterion for each term that can be added."""
-        spread = self._new @ self.root @ factor_of(self.wavelet)
-        return np.asarray(2 * np.sum(spread**2, axis=1) / np.sum(self._new**2, axis=1))
+        spread = self._new @ (self.root @ self.wavelet @ self.root.T)
+        return np.asarray(2 * np.sum(spread * self._new, axis=1) / np.sum(self._new**2, axis=1))
 
     def single(self, records: Integers) -> Vector:
         """Return the largest decrease (n,) of the criterion by one more term in these simulated recordings."""

@@ -6,6 +6,7 @@ independent factor 1 ± τ, so that the chi-square statistic equals its expectat
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -143,8 +144,18 @@ class Distance:
 
     def statistic(self, error: float) -> float:
         """Compute the chi-square statistic of the residuals beyond the parameters, for a relative model error."""
-        root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
+        if error:
+            share, left, slopes = self._axes
+            scale = 1 / np.sqrt(share + error**2)
+            return square_of_rest(scale * left, scale[:, None] * slopes)[0]
+        root = square_root(precision(self.scatter))
         return square_of_rest(root @ self.left, root @ self.slopes)[0]
+
+    @cached_property
+    def _axes(self) -> tuple[Vector, Vector, Matrix]:
+        """Variances in the axes of V relative to the curve, to which an error adds its square, residuals and slopes."""
+        share, axes = np.linalg.eigh(self.scatter / np.outer(self.curve, self.curve))
+        return np.maximum(share, 0), axes.T @ (self.left / self.curve), axes.T @ (self.slopes / self.curve[:, None])
 
     def error(self) -> float:
         """Return the relative error for which the statistic equals its degrees of freedom; 0 if it is smaller."""
