@@ -90,7 +90,7 @@ class Baseline(FrozenArrays):
         for values in segments:
             whitener.restart()
             errors.append(whitener.update(values))
-        largest = float(np.max(np.abs(np.concatenate([np.zeros(1), *errors]))))
+        largest = max((float(max(e.max(initial=0.0), -e.min(initial=0.0))) for e in errors), default=0.0)
         sums = _BlockSums(errors)
         ratios, shapes = _mean_squares(sums)
         scatter = _block_means(sums)
@@ -101,11 +101,10 @@ class Baseline(FrozenArrays):
                 "without a gap",
                 argument="reference", got=total, advice="Record for at least some minutes with a sensor that is good.",
             )  # fmt: skip
-        values = np.concatenate(segments)
         return cls(
-            samples=total, ratios=ratios, shapes=shapes, scatter=scatter, largest=largest,
-            equal=longest_run(segments),
-            lowest=float(values.min()), highest=float(values.max()),
+            samples=total, ratios=ratios, shapes=shapes, scatter=scatter, largest=largest, equal=longest_run(segments),
+            lowest=min(float(part.min(initial=math.inf)) for part in segments),
+            highest=max(float(part.max(initial=-math.inf)) for part in segments),
         )  # fmt: skip
 
     def settings(self) -> charts.ChartSettings:
@@ -203,12 +202,12 @@ def _block_means(sums: _BlockSums) -> tuple[float, ...]:
     scatter: list[float] = []
     while True:
         level = len(scatter)
-        z = np.concatenate([np.zeros(0), *sums[level]]) / 2.0 ** (level / 2.0)
-        if z.size < 30:  # the standard error of the scatter is then 13 %
+        count = sum(part.size for part in sums[level])
+        if count < 30:  # the standard error of the scatter is then 13 %
             # A chart adds up to 2^REACH blocks before an alarm, so it uses the largest scatter of its and five coarser
             # levels.
             return tuple(max(scatter[k : k + 6]) for k in range(len(scatter)))
-        scatter.append(max(1.0, math.sqrt(float(np.mean(np.square(z))))))
+        scatter.append(max(1.0, math.sqrt(sum(float(part @ part) for part in sums[level]) / count / 2.0**level)))
 
 
 def models_of(calibration: Mapping[str, Any], axes: Sequence[str] | None) -> dict[str, Model]:
