@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from statistics import NormalDist
 
 import numpy as np
 
 from gmwm.choosing.datasheets.bias import FitCurve, sensitivity
 from gmwm.choosing.datasheets.effective import is_flicker
+from gmwm.choosing.datasheets.filter_numbers import Shape, shape_of, unit_of
 from gmwm.choosing.datasheets.limits import variance_limit
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.result import WaveletVariance
@@ -54,7 +55,7 @@ class BiasTerms:
         rate = self.curve.design.rate
 
         def of(process: Process) -> float:
-            return max(_mean_variance(process, length, rate) for length in {samples, span})
+            return process.scale * max(_unit_variance(shape_of(process), length, rate) for length in {samples, span})
 
         return self._sum(of, fast=True)
 
@@ -129,7 +130,10 @@ def is_scale_free(process: Process, rate: float) -> bool:
     return process.correlation_time(rate) is None or is_flicker(process, rate)
 
 
-def _mean_variance(process: Process, samples: int, rate: float) -> float:
+@lru_cache(maxsize=256)
+def _unit_variance(shape: Shape, samples: int, rate: float) -> float:
+    """Return the variance of a mean for scale coefficient 1; the models of an axis have most shapes in common."""
+    process = unit_of(shape)
     # A recording does not show the level of a stationary process whose correlation time exceeds its length.
     time = process.correlation_time(rate)
     beyond = time is not None and samples / rate < time < math.inf

@@ -137,7 +137,7 @@ class FilterPrediction:
             resonances = resonances_of(moving, rate)
             kinks = () if ratio is None else tuple((math.sqrt(2) * math.pi / 2**ratio.levels).tolist())
             at = _quadrature(shared if set(resonances) <= set(shared) else resonances, rate, samples, kinks)
-            masses = np.array([_unit_mass(_shape(process), rate, at) for process in moving])
+            masses = np.array([_unit_mass(shape_of(process), rate, at) for process in moving])
             mass = np.array([process.scale for process in moving]) @ masses
             parts.append((at, mass if ratio is None else mass * _factor(ratio, at)))
         if seen:
@@ -196,18 +196,20 @@ def is_near(periods: float) -> bool:
     return LEAST_PERIODS <= periods <= MOST_PERIODS
 
 
-def _shape(process: Process) -> Shape:
+def shape_of(process: Process) -> Shape:
+    """Return the shape of a process."""
     return type(process), process.nonlinear.tobytes()
 
 
-def _unit(shape: Shape) -> Process:
+def unit_of(shape: Shape) -> Process:
+    """Return the process of a shape with scale coefficient 1."""
     return shape[0].standard(np.frombuffer(shape[1]))
 
 
 @lru_cache(maxsize=256)
 def _unit_mass(shape: Shape, rate: float, at: Quadrature) -> Vector:
     """Return the weights of a quadrature times the density of a process with scale coefficient 1."""
-    return freeze(at.mass(spectrum_of(_unit(shape), rate)(at.theta)))
+    return freeze(at.mass(spectrum_of(unit_of(shape), rate)(at.theta)))
 
 
 @lru_cache(maxsize=4)
@@ -217,14 +219,14 @@ def _factor(ratio: CurveRatio, at: Quadrature) -> Vector:
 
 def resonances_of(processes: Iterable[Process], rate: float) -> tuple[Shape, ...]:
     """Return the shapes of processes whose density the panels may have to be halved for."""
-    shapes = (_shape(process) for process in processes if process.scale != 0 and process.line(rate) is None)
+    shapes = (shape_of(process) for process in processes if process.scale != 0 and process.line(rate) is None)
     return tuple(dict.fromkeys(shape for shape in shapes if _may_resonate(shape, rate)))
 
 
 @lru_cache(maxsize=256)
 def _may_resonate(shape: Shape, rate: float) -> bool:
     # A power law is smooth, and so is the density of an exponential covariance that does not alternate.
-    process, count = _unit(shape), len(shape[0].nonlinear_parameters())
+    process, count = unit_of(shape), len(shape[0].nonlinear_parameters())
     return not process.has("psd") or (count > 0 and (count > 1 or min(process.decays(rate), default=-1.0) <= 0))
 
 
@@ -329,7 +331,7 @@ def _quadrature(resonances: tuple[Shape, ...], rate: float, samples: int, kinks:
 def _halved(shape: Shape, rate: float) -> Vector:
     """Return the ends of panels that are halved until they are accurate at the resonance of a process."""
     splits = 12
-    spectrum, ends = spectrum_of(_unit(shape), rate), []
+    spectrum, ends = spectrum_of(unit_of(shape), rate), []
 
     def integrals(low: Vector, high: Vector) -> Vector:
         theta, weights = _rule(low, high)
