@@ -203,7 +203,8 @@ def render(picture: MatplotlibFigure, suffix: str) -> bytes:
         if suffix == ".png":
             # `savefig` draws twice if there is a layout engine.
             canvas, picture.dpi = picture.canvas, PRINT_DPI
-            FigureCanvasAgg(picture).print_png(buffer)  # type: ignore[no-untyped-call]
+            # Level 1 takes 0.7 of the time of Pillow's level 6; the files are 15 % larger.
+            FigureCanvasAgg(picture).print_png(buffer, pil_kwargs={"compress_level": 1})  # type: ignore[no-untyped-call]
             picture.set_canvas(canvas)
         else:
             picture.savefig(buffer, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
