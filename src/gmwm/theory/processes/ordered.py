@@ -173,7 +173,8 @@ class Ordered(Process, abstract=True):
         return object.__new__(kind)
 
     def __init__(self, *orders: int, **values: Value | Sequence[Value]) -> None:
-        parameters = {name: value for name, value in values.items() if name not in self.order_names()}
+        order_names = self.order_names()
+        parameters = {name: value for name, value in values.items() if name not in order_names}
         for polynomial in self.polynomials:
             if (sequence := parameters.pop(polynomial.name, None)) is not None:
                 for i, value in enumerate(_sequence(sequence, self, polynomial), 1):

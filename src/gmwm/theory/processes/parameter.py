@@ -134,7 +134,8 @@ class Parameter:
         if type(value) is float and 0.0 < value < math.inf and self.domain != "between":
             return value  # a fit creates thousands
         if isinstance(value, Fixed):
-            return Fixed(self._in_domain(value.value, owner))
+            self._in_domain(value.value, owner)
+            return value
         return self._in_domain(value, owner)
 
     def _in_domain(self, value: object, owner: str) -> float:
