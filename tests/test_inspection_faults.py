@@ -106,7 +106,7 @@ def test_truncation_towards_zero_is_found_only_around_zero(step, memory):
     assert verdicts["N"].usability.value == "do not use"
 
 
-@pytest.mark.parametrize("kind", ["t4", "laplace", "walk", "line", "twice"])
+@pytest.mark.parametrize("kind", ["t4", "laplace", "walk", "line", "twice", "zeros", "far_zeros"])
 def test_other_noise_has_no_dead_band(kind):
     rng = np.random.default_rng(8)
     noise = {
@@ -114,9 +114,12 @@ def test_other_noise_has_no_dead_band(kind):
         "walk": lambda: 0.3 * rng.standard_normal(SAMPLES) + np.cumsum(0.02 * rng.standard_normal(SAMPLES)),
         "line": lambda: rng.standard_normal(SAMPLES) + 5 * np.sin(0.3 * np.arange(SAMPLES)),
         "twice": lambda: np.round(rng.standard_normal(SAMPLES) / 0.07) * 0.07,
+        "zeros": lambda: rng.normal(0.5, 1.0, SAMPLES) * (rng.random(SAMPLES) > 0.005),
+        "far_zeros": lambda: rng.normal(50.0, 1.0, SAMPLES) * (rng.random(SAMPLES) > 0.005),
     }[kind]()  # fmt: skip
-    for step in (0.1, 0.25, 1.0):
-        assert "output-clipped:inside" not in named(1e-3 * np.round(noise / step) * step)
+    for step in (1e-9, 0.1, 0.25, 1.0):
+        found = named(1e-3 * np.round(noise / step) * step)
+        assert not {"output-clipped:noise", "output-clipped:inside"} & found
 
 
 @pytest.mark.slow

@@ -162,19 +162,27 @@ class Ends:
         if np.any(moves):
             self._moves.append(float(np.median(moves[moves > 0])))
 
+    @property
+    def move(self) -> float:
+        """Median change of neighbours that differ; 0 if none do."""
+        return float(np.median(self._moves)) if self._moves else 0.0
+
     def is_fine(self, step: float) -> bool:
         """Return whether most changes of neighbours are many steps: unlike the noise, clipping does not hide this."""
-        return bool(self._moves) and float(np.median(self._moves)) > _FINE * step
+        return self.move > _FINE * step
 
 
 def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: float) -> Saturation | None:
-    """Return the share of clipped samples of an axis; None if it is not clipped. Arguments as in `is_clipped`."""
+    """Return the share of clipped samples of an axis; None if it is not clipped. Arguments as in `is_clipped`.
+
+    Samples at a value far from all others, such as failed readings written as 0, are wrong samples."""
+    beside = max(2 * step, ends.move)
     if ends.is_fine(step):
         step = 0.0
     clipped = [
         (int(side.counts[-1]), sign * float(side.levels[-1]))
         for side, sign in ((ends.low, -1.0), (ends.high, 1.0))
-        if side.is_clipped(samples, step, noise)
+        if side.is_clipped(samples, step, noise) and np.ptp(side.levels) <= beside
     ]
     if not clipped:
         return None
@@ -210,11 +218,17 @@ def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float
     # The commonest value is a neighbour of the values up to two steps away.
     if not found[k] or np.any(found[: max(k - 2, 0)]) or np.any(found[k + 3 :]):
         return None
-    same = values[places == k]
-    share, loss = same.size / values.size, (same.size - float(most[k])) / values.size
+    value, share = float(np.median(values[places == k])), float(np.mean(places == k))
+    loss = share - float(most[k]) / values.size
+    if not most[k]:
+        # A dead band has an empty range of values on both sides, and samples beyond; lost readings written as 0 do not.
+        apart = values[places != k] - value
+        if min(np.count_nonzero(apart < 0), np.count_nonzero(apart > 0)) < least:
+            return None
+        # The samples in the band have a variance of a third of the square of its half width.
+        loss = share * float(np.min(apart**2) / np.var(values)) / 6
     if loss <= 1.96 / math.sqrt(2 * samples):
         return None
-    value = float(np.median(same))
     return Saturation(axis=axis, share=share, value=value, loss=loss, matters=True, inside=True)
 
 
