@@ -106,6 +106,17 @@ def test_truncation_towards_zero_is_found_only_around_zero(step, memory):
     assert verdicts["N"].usability.value == "do not use"
 
 
+@pytest.mark.parametrize(
+    ("mean", "share", "code"),
+    [(50.0, 0.2, "output-clipped:noise"), (-50.0, 0.2, "output-clipped:noise"), (0.5, 0.08, "output-clipped:inside")],
+)
+def test_failed_readings_that_are_not_replaced_spoil_an_axis(mean, share, code):
+    rng = np.random.default_rng(9)
+    x = 1e-3 * rng.normal(mean, 1.0, SAMPLES) * (rng.random(SAMPLES) > share)
+    assert code in named(x)
+    assert gmwm.calibrate(imu_of(x), "WN + RW").number_verdicts["gyro_x"]["N"].usability.value == "do not use"
+
+
 @pytest.mark.parametrize("kind", ["t4", "laplace", "walk", "line", "twice", "zeros", "far_zeros"])
 def test_other_noise_has_no_dead_band(kind):
     rng = np.random.default_rng(8)

@@ -175,14 +175,16 @@ class Ends:
 def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: float) -> Saturation | None:
     """Return the share of clipped samples of an axis; None if it is not clipped. Arguments as in `is_clipped`.
 
-    Samples at a value far from all others, such as failed readings written as 0, are wrong samples."""
+    Samples at a value far from all others, such as failed readings written as 0, are wrong samples, of which at most a
+    tenth is replaced (`outliers.spikes.MOST`)."""
     beside = max(2 * step, ends.move)
     if ends.is_fine(step):
         step = 0.0
     clipped = [
         (int(side.counts[-1]), sign * float(side.levels[-1]))
         for side, sign in ((ends.low, -1.0), (ends.high, 1.0))
-        if side.is_clipped(samples, step, noise) and np.ptp(side.levels) <= beside
+        if side.is_clipped(samples, step, noise)
+        if np.ptp(side.levels) <= beside or side.counts[-1] > 0.1 * samples
     ]
     if not clipped:
         return None
@@ -221,12 +223,11 @@ def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float
     value, share = float(np.median(values[places == k])), float(np.mean(places == k))
     loss = share - float(most[k]) / values.size
     if not most[k]:
-        # A dead band has an empty range of values on both sides, and samples beyond; lost readings written as 0 do not.
+        # The value is in place of samples up to `gap` away, with others on both sides (a dead band), or of any sample.
         apart = values[places != k] - value
-        if min(np.count_nonzero(apart < 0), np.count_nonzero(apart > 0)) < least:
-            return None
-        # The samples in the band have a variance of a third of the square of its half width.
-        loss = share * float(np.min(apart**2) / np.var(values)) / 6
+        band = min(np.count_nonzero(apart < 0), np.count_nonzero(apart > 0)) >= least
+        gap = float(np.min(apart**2)) if band else 0.0
+        loss = share * max(gap / 3, float(np.var(apart) - np.mean(apart) ** 2)) / np.var(values) / 2
     if loss <= 1.96 / math.sqrt(2 * samples):
         return None
     return Saturation(axis=axis, share=share, value=value, loss=loss, matters=True, inside=True)
