@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebpts1, chebroots, chebvander
+from numpy.polynomial.chebyshev import chebpts1
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
@@ -377,9 +377,9 @@ SLOWEST_FILTER_SAMPLES = 1e10  # default of the longest time constant 1/w of a f
 _HIGHEST, _PER_DECADE = 1e3, 6
 """Largest w Δt, and number of grid points per decade. A filter with a larger w Δt has no white noise."""
 _NODES = chebpts1(12)
-_COEFFICIENTS = chebvander(_NODES, 11).T / np.where(np.arange(12) > 0, 6, 12)[:, None]
-"""Nodes between two grid points, and matrix of Chebyshev coefficients. The error is analytic for an imaginary part of
-ln w below π/2, so that 12 nodes are exact to double precision."""
+_COEFFICIENTS = np.linalg.inv(np.vander(_NODES))
+"""Nodes between two grid points, and matrix of the coefficients of the polynomial through the derivative there. The
+error is analytic for an imaginary part of ln w below π/2, so that 12 nodes are exact to double precision."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -436,9 +436,13 @@ def best_gain(prediction: FilterPrediction, slowest: float = SLOWEST_FILTER_SAMP
 
     def root(low: float, high: float) -> float:
         """Return ln(w Δt) of a minimum on the grid, by interpolation of the derivative."""
-        roots = chebroots(_COEFFICIENTS @ prediction.slopes(_between(low, high)))
-        inside = np.clip(roots.real, -1.0, 1.0)
-        return (low + high) / 2 + (high - low) / 2 * float(inside[np.argmin(np.abs(roots - inside))])
+        coefficients: list[float] = (_COEFFICIENTS @ prediction.slopes(_between(low, high))).tolist()
+
+        def slope(x: float) -> float:
+            return reduce(lambda value, coefficient: value * x + coefficient, coefficients)
+
+        x = -1.0 if slope(-1.0) >= 0 else 1.0 if slope(1.0) <= 0 else scipy.optimize.brentq(slope, -1, 1, xtol=1e-14)
+        return (low + high) / 2 + (high - low) / 2 * x
 
     grid, slopes = _grid(slowest).logs, prediction.slopes(_grid(slowest))
     places = np.flatnonzero((slopes[:-1] < 0) & (slopes[1:] >= 0)).tolist()
