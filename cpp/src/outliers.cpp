@@ -1,6 +1,7 @@
 #include "gmwm/outliers.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -74,29 +75,36 @@ double median_near(std::span<const double> size, double guess, std::vector<doubl
   return median(scratch);
 }
 
-void sort_two(double& a, double& b) {
-  const double low = std::min(a, b), high = std::max(a, b);
-  a = low;
-  b = high;
+// Sums, ends and medians that are computed side by side.
+constexpr std::size_t lanes = 16;
+
+// Pairs of rows, the smaller value first: Batcher's merge exchange sort (Knuth, The Art of Computer Programming, volume
+// 3, algorithm 5.2.2 M). All sets are sorted by the same exchanges, so that a vector has a value of each.
+std::vector<std::array<std::size_t, 2>> exchanges_of(std::size_t n) {
+  std::vector<std::array<std::size_t, 2>> pairs;
+  for (std::size_t p = 1; p < n; p *= 2)
+    for (std::size_t k = p; k > 0; k /= 2)
+      for (std::size_t j = k % p; j + k < n; j += 2 * k)
+        for (std::size_t i = j; i < std::min(j + k, n - k); ++i)
+          if (i / (2 * p) == (i + k) / (2 * p)) pairs.push_back({i, i + k});
+  return pairs;
 }
 
-double median_of_six(double a, double b, double c, double d, double e, double f) {
-  // The two middle values: of two sorted triples, the maximum of the lower half and the minimum of the upper half.
-  sort_two(a, b);
-  sort_two(b, c);
-  sort_two(a, b);
-  sort_two(d, e);
-  sort_two(e, f);
-  sort_two(d, e);
-  // The three smallest of all are min(a, f), min(b, e), min(c, d).
-  const double low = std::max({std::min(a, f), std::min(b, e), std::min(c, d)});
-  const double high = std::min({std::max(a, f), std::max(b, e), std::max(c, d)});
-  return (low + high) / 2;
+GMWM_INLINE void exchange_inline(double* rows, const std::array<std::size_t, 2>* pairs, std::size_t count) {
+  for (std::size_t c = 0; c < count; ++c) {
+    double *low = rows + pairs[c][0] * lanes, *high = rows + pairs[c][1] * lanes, a[lanes], b[lanes];
+    for (std::size_t k = 0; k < lanes; ++k) {
+      a[k] = low[k] < high[k] ? low[k] : high[k];
+      b[k] = low[k] < high[k] ? high[k] : low[k];
+    }
+    for (std::size_t k = 0; k < lanes; ++k) low[k] = a[k];
+    for (std::size_t k = 0; k < lanes; ++k) high[k] = b[k];
+  }
 }
+constexpr Clones<exchange_inline> exchange{};
 
 // Sum, smallest and largest of n values.
 GMWM_INLINE void range_inline(const double* x, std::size_t n, double* out) {
-  constexpr std::size_t lanes = 16;
   double sum[lanes] = {}, low[lanes], high[lanes];
   for (std::size_t k = 0; k < lanes; ++k) low[k] = high[k] = x[0];
   std::size_t i = 0;
@@ -120,7 +128,6 @@ constexpr Clones<range_inline> range{};
 
 // Σ (x - mean)².
 GMWM_INLINE void about_inline(const double* x, std::size_t n, double mean, double* squares) {
-  constexpr std::size_t lanes = 16;
   double sum[lanes] = {};
   std::size_t i = 0;
   for (; i + lanes <= n; i += lanes)
@@ -240,19 +247,21 @@ LargeCoefficients large_coefficients(std::span<const double> path, double scale,
 
 void neighbour_residuals(std::span<const double> x, std::span<const double> others, std::span<const std::int64_t> at,
                          std::size_t reach, std::span<double> out) {
-  std::vector<double> around(2 * reach);
-  for (std::size_t k = 0; k < at.size(); ++k) {
-    const auto place = static_cast<std::size_t>(at[k]);
-    const std::size_t centre = std::clamp(place, reach, x.size() - reach - 1);
-    const double* o = others.data() + centre;
-    if (reach == 3 && centre == place) {
-      out[k] = x[place] - median_of_six(o[-3], o[-2], o[-1], o[1], o[2], o[3]);
-      continue;
+  const auto pairs = exchanges_of(2 * reach);
+  std::vector<double> rows(2 * reach * lanes);
+  for (std::size_t first = 0; first < at.size(); first += lanes) {
+    const std::size_t count = std::min(lanes, at.size() - first);
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto place = static_cast<std::size_t>(at[first + k]);
+      const std::size_t begin = std::clamp(place, reach, x.size() - reach - 1) - reach;
+      double* to = rows.data() + k;
+      for (std::size_t i = begin; i < place; ++i, to += lanes) *to = others[i];
+      for (std::size_t i = place + 1; i <= begin + 2 * reach; ++i, to += lanes) *to = others[i];
     }
-    std::size_t count = 0;
-    for (std::size_t i = centre - reach; i <= centre + reach; ++i)
-      if (i != place) around[count++] = others[i];
-    out[k] = x[place] - median(around);
+    exchange(rows.data(), pairs.data(), pairs.size());
+    const double *low = rows.data() + (reach - 1) * lanes, *high = low + lanes;
+    for (std::size_t k = 0; k < count; ++k)
+      out[first + k] = x[static_cast<std::size_t>(at[first + k])] - (low[k] + high[k]) / 2;
   }
 }
 
