@@ -159,7 +159,7 @@ def _require_usable(term: CovariateTerm, arrays: Mapping[str, Vector], signal: S
             f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {names}",
             argument="against",
             got=term.name,
-            advice="Pass the samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else
+            advice="In Python, pass its samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else
             "Name the column of the temperature with {--columns=temperature:…}, or use {--against=warmup}.",
             name=repr(term.name),
         )  # fmt: skip
