@@ -40,7 +40,7 @@ else:
 T = TypeVar("T")
 
 
-def computed_once(result: object, what: str, options: Hashable, compute: Callable[[], T]) -> T:
+def once_per_result(result: object, what: str, options: Hashable, compute: Callable[[], T]) -> T:
     """Return a value that depends on a result and on options, and compute it the first time."""
     values: dict[tuple[str, Hashable], T] = result.__dict__.setdefault("_computed", {})
     if (what, options) not in values:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import MissingTheoryError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, gap_text
@@ -390,7 +390,7 @@ def _oscillators(fit: Fit) -> Iterator[tuple[float, float, float]]:
 
 def oscillations_in_n(axis: str, fit: Fit) -> list[Remark]:
     """Return a remark if oscillations or lines of the model raise N of the default filter by more than a tenth."""
-    return computed_once(fit, "oscillations in N", axis, lambda: list(_oscillations_in_n(axis, fit)))
+    return once_per_result(fit, "oscillations in N", axis, lambda: list(_oscillations_in_n(axis, fit)))
 
 
 def _oscillations_in_n(axis: str, fit: Fit) -> Iterator[Remark]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.errors import ModelError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
@@ -48,7 +48,7 @@ class FitCurve:
     @classmethod
     def of(cls, fit: Fit, *, sampling: bool = False) -> FitCurve:
         """Return parameters and covariance of a fit, with terms that act as others replaced; `sampling`: no spread."""
-        return computed_once(fit, "curve", sampling, lambda: cls._of(fit, sampling))
+        return once_per_result(fit, "curve", sampling, lambda: cls._of(fit, sampling))
 
     @classmethod
     def _of(cls, fit: Fit, sampling: bool) -> FitCurve:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import Vector, as_number
 from gmwm.base.errors import DataError, MissingTheoryError, ModelError, OptionError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.bias import UNBOUNDED_HALF_WIDTH, FitCurve, sensitivity
 from gmwm.choosing.datasheets.entry import Entry
@@ -43,7 +43,7 @@ model, a level exceeds it with a probability of 0.3 %. Pinned by tests/test_effe
 
 def curve_ratio(fit: Fit) -> CurveRatio | None:
     """Return the factor from a model's density to the measured one, 1 within `MISFIT_ERRORS`; None if always 1."""
-    return computed_once(fit, "ratio", (), lambda: _curve_ratio(fit))
+    return once_per_result(fit, "ratio", (), lambda: _curve_ratio(fit))
 
 
 def _curve_ratio(fit: Fit) -> CurveRatio | None:
@@ -156,7 +156,7 @@ def effective_noise(fit: Fit, horizon: float = DEFAULT_HORIZON_S, level: float =
 
 def claim(fit: Fit, white: float, walk: float, time: float) -> float:
     """Return the error that a filter with N and K states for the mean over the next `time` seconds, over its error."""
-    return computed_once(fit, "claim", (white, walk, time), lambda: _claim(fit, white, walk, time))
+    return once_per_result(fit, "claim", (white, walk, time), lambda: _claim(fit, white, walk, time))
 
 
 def _claim(fit: Fit, white: float, walk: float, time: float) -> float:
@@ -253,7 +253,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     """Return the numbers at the ends of a poorly known region, where the best filter can be another one."""
     ends = FitCurve.of(fit).ends(z)
-    return computed_once(fit, "ends", (use, z), lambda: [_at(fit, use, curve_ratio(fit), end) for end in ends])
+    return once_per_result(fit, "ends", (use, z), lambda: [_at(fit, use, curve_ratio(fit), end) for end in ends])
 
 
 def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
@@ -263,7 +263,7 @@ def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
     if not 0 < len(fast) < len(processes):
         return numbers.N
     absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
-    return computed_once(fit, "without flanks", use, lambda: _at(fit, use, curve_ratio(fit), absent).N)
+    return once_per_result(fit, "without flanks", use, lambda: _at(fit, use, curve_ratio(fit), absent).N)
 
 
 def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
@@ -298,7 +298,7 @@ class _Error:
 
 def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
     """Return N and K of the data and of the model itself, and their standard errors; None if there are none."""
-    return computed_once(fit, "filter numbers", use, lambda: _compute_numbers(fit, use))
+    return once_per_result(fit, "filter numbers", use, lambda: _compute_numbers(fit, use))
 
 
 def _compute_numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:

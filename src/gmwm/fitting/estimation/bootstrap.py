@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.arrays import FrozenArrays, Matrix, Vector, as_whole_number
 from gmwm.base.errors import FitWarning
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.fitting.estimation.problem import pose
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.fitting.estimation.solver import model_of, solve_near
@@ -109,7 +109,7 @@ def bootstrap(
     True
     """
     draws, seed = as_draws(draws, LEAST_DRAWS, "a standard deviation"), as_seed(rng)
-    return computed_once(fit, "bootstrap", (draws, seed), lambda: _bootstrap(fit, draws, seed, progress))
+    return once_per_result(fit, "bootstrap", (draws, seed), lambda: _bootstrap(fit, draws, seed, progress))
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:

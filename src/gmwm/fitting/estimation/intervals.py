@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import OptionError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, reciprocal
@@ -95,7 +95,7 @@ def confidence_intervals(
         # The intervals are cached, because upper limits are slow, and a summary, a datasheet and a file all use them.
         key = (level, method, draws, seed)
         return dict(
-            computed_once(fit, "intervals", key, lambda: _intervals(fit, level, method, draws=draws, seed=seed))
+            once_per_result(fit, "intervals", key, lambda: _intervals(fit, level, method, draws=draws, seed=seed))
         )
     return _intervals(fit, level, method, draws=draws, seed=seed, covariance=covariance)
 

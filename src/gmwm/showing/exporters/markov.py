@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
 
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.text import duration_text
 from gmwm.base.units import STANDARD_GRAVITY
 from gmwm.calibration import Calibration
@@ -62,7 +62,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
 
 def _alone(fit: Fit, low: float, high: float) -> two_states.States:
     """Return the white noise and the bias of one axis, which are computed once."""
-    return computed_once(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
+    return once_per_result(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
 
 
 def _together(fits: Sequence[Fit], low: float, high: float) -> list[two_states.States]:
@@ -71,7 +71,7 @@ def _together(fits: Sequence[Fit], low: float, high: float) -> list[two_states.S
     # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
     # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
     white = [
-        computed_once(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
+        once_per_result(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
         for fit, curve in zip(fits, curves, strict=True)
     ]
     return two_states.fit_states(curves, 1, low, high, white=white)

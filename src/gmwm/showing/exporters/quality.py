@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.template import fact_text
 from gmwm.base.text import list_text, round_text
@@ -197,7 +197,7 @@ class Quality:
 def qualities(axis: AxisNoise, white: float, walk: float) -> tuple[Quality, ...]:
     """Return the quality of N and K of a file for an axis at each of `TIMES`."""
     each = (_quality(axis.fit, white, walk, time) for time in TIMES)
-    return computed_once(axis.fit, "qualities", (white, walk), lambda: tuple(each))
+    return once_per_result(axis.fit, "qualities", (white, walk), lambda: tuple(each))
 
 
 def _quality(fit: Fit, white: float, walk: float, time: float) -> Quality:
@@ -251,7 +251,7 @@ def _bias_instead(axis: AxisNoise, inflation: float) -> str:
     true at all times (docs/validation/filter.md)."""
     longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
     band = TIMES[0], max(longest, LEAST_AVERAGING_RATIO * TIMES[0])
-    state = computed_once(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
+    state = once_per_result(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
     if axis.K.upper or not state.sigma or state.white <= 0:
         return ""
     # Short, because a file has few lines of comment; the units are those of the file.

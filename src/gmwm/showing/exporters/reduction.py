@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gmwm.base.errors import DataError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.remarks import Remark
 from gmwm.base.units import SI_UNIT, Quantity, letter_of, sensor_of
 from gmwm.calibration import Calibration
@@ -171,7 +171,7 @@ def filter_pair(calibrated: AxisCalibration, use: Use, level: float) -> tuple[En
     if use == Use() and {"N", "K"} <= set(sheet):
         return sheet["N"], sheet["K"]
     # The entries are stored, because many files are written from one calibration, and a limit needs another fit.
-    numbers = computed_once(
+    numbers = once_per_result(
         fit, "limited", (use, level), lambda: limited(fit, filter_entries(fit, use, level), use.horizon, level)
     )
     white, walk = (

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.documents import indented_json
 from gmwm.base.errors import MissingTheoryError
-from gmwm.base.lazy import computed_once
+from gmwm.base.lazy import once_per_result
 from gmwm.base.remarks import Remark
 from gmwm.calibration import Calibration
 from gmwm.fitting.estimation.result import Fit
@@ -257,7 +257,7 @@ def axis_matrices(axis: str, calibration: Calibration, options: ExportOptions) -
     """Return an axis's state-space matrices, and those of two states, at the rate of the options or recording."""
     fit, key = calibration[axis], (options.rate, options.horizon, options.duration)
     try:
-        return computed_once(fit, "matrices", key, lambda: _axis_matrices(fit, options))
+        return once_per_result(fit, "matrices", key, lambda: _axis_matrices(fit, options))
     except MissingTheoryError as error:
         raise error.at(axis) from error
 

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from gmwm.base.arrays import Integers, Matrix, Vector, freeze
-from gmwm.base.lazy import computed_once, scipy
+from gmwm.base.lazy import once_per_result, scipy
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
@@ -77,7 +77,7 @@ def apart(error: float) -> str:
 def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoStates | None:
     """Fit white noise and two GM states from the horizon to the duration (s; one hour, or the recording) by least
     squares of the log Allan variance; None if no walk is best, or a sample is longer."""
-    return computed_once(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
+    return once_per_result(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
 
 
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:
