@@ -79,7 +79,7 @@ class _RowBlock:
 
 
 def with_temperature(chunks: Iterable[Rows], columns: Mapping[str, int], first: float, unit: str) -> Iterator[Rows]:
-    """Yield the chunks with a temperature (°C) in each row, from the first reading on; `unit` is that of the file."""
+    """Yield the chunks with a temperature (°C) in each row, from the first reading on. The file states it in `unit`."""
     column, count, origin = columns["temperature"], 0, None
     before = latest = _TemperatureReading(-MOST_ROWS_APART - 1, np.nan, first)
     waiting = list[_RowBlock]()

@@ -217,20 +217,20 @@ class RecordingStatistics:
         """Return the inspection, after the last batch, with trends tested without the effect of the conditions."""
         extent, statistics = self._extent, self._axes
         parts = still_parts({axis: sums.levels() for axis, sums in statistics.items()}, self._length, extent)
-        found = in_threads(lambda axis, sums: self._of_axis(axis, sums, conditions, still=not parts), statistics)
-        axes = {axis: of_axis.item for axis, of_axis in found.items()}
-        stuck = {axis: of_axis.stuck for axis, of_axis in found.items()}
-        saturations = tuple(of_axis.saturation for of_axis in found.values() if of_axis.saturation is not None)
-        moving = {axis for axis, of_axis in found.items() if of_axis.moves}
+        by_axis = in_threads(lambda axis, sums: self._of_axis(axis, sums, conditions, still=not parts), statistics)
+        axes = {axis: of_axis.item for axis, of_axis in by_axis.items()}
+        stuck = {axis: of_axis.stuck for axis, of_axis in by_axis.items()}
+        saturations = tuple(of_axis.saturation for of_axis in by_axis.values() if of_axis.saturation is not None)
+        moving = {axis for axis, of_axis in by_axis.items() if of_axis.moves}
         outliers = {axis: sums.outliers() for axis, sums in statistics.items() if axis in moving}
         bursts = () if parts else knocks_of(outliers, extent)
         motion = motion_of(statistics, bursts, extent)
         knocks = tuple(knock for knock in bursts if not motion.meets(knock.time, knock.time + knock.duration))
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples, motion.still)
-        trends = tuple(of_axis.trend for of_axis in found.values() if of_axis.trend is not None)
-        swings = tuple(of_axis.swing for of_axis in found.values() if of_axis.swing is not None)
+        trends = tuple(of_axis.trend for of_axis in by_axis.values() if of_axis.trend is not None)
+        swings = tuple(of_axis.swing for of_axis in by_axis.values() if of_axis.swing is not None)
         reach = self._length / extent.rate  # The place of a jump is known to a block.
-        jumps = with_shared_settling([step for of_axis in found.values() for step in of_axis.steps], reach)
+        jumps = with_shared_settling([step for of_axis in by_axis.values() for step in of_axis.steps], reach)
         steps = tuple(
             step for step in sorted(jumps, key=lambda step: (step.time, step.axis))
             if step.axis not in motion.ratios or not motion.meets(step.time - reach, step.time + reach)

@@ -177,14 +177,14 @@ def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: fl
 
     Samples at a value far from all others, such as failed readings written as 0, are wrong samples, of which at most a
     tenth is replaced (`outliers.spikes.MOST`)."""
-    beside = max(2 * step, ends.move)
+    near = max(2 * step, ends.move)
     if ends.is_fine(step):
         step = 0.0
     clipped = [
         (int(side.counts[-1]), sign * float(side.levels[-1]))
         for side, sign in ((ends.low, -1.0), (ends.high, 1.0))
         if side.is_clipped(samples, step, noise)
-        if np.ptp(side.levels) <= beside or side.counts[-1] > 0.1 * samples
+        if np.ptp(side.levels) <= near or side.counts[-1] > 0.1 * samples
     ]
     if not clipped:
         return None
@@ -210,15 +210,15 @@ def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float
         counts = np.bincount(places.astype(np.intp))
         # Correlated samples change the numbers more than independent ones.
         scatter = max(2 * float(np.var(values) / np.mean(changes**2)), 1.0)
-        most, found = _unlike_neighbours(counts, least, scatter)
+        most, excess = _unlike_neighbours(counts, least, scatter)
     else:  # noise does not return to a value
         changed = np.concatenate([run[1:][np.diff(run) != 0] for run in runs])
         levels, counts = np.unique(changed, return_counts=True)
         places = np.where(values == levels[np.argmax(counts)], np.argmax(counts), -1)
-        most, found = np.zeros(counts.size), counts >= least
+        most, excess = np.zeros(counts.size), counts >= least
     k = int(np.argmax(counts))
     # The commonest value is a neighbour of the values up to two steps away.
-    if not found[k] or np.any(found[: max(k - 2, 0)]) or np.any(found[k + 3 :]):
+    if not excess[k] or np.any(excess[: max(k - 2, 0)]) or np.any(excess[k + 3 :]):
         return None
     value, share = float(np.median(values[places == k])), float(np.mean(places == k))
     loss = share - float(most[k]) / values.size
@@ -245,8 +245,8 @@ def _unlike_neighbours(counts: NDArray[np.intp], least: float, scatter: float) -
     most = np.exp(weights @ np.log(filled))
     limit = most + np.sqrt(_EXPECTED * scatter * most * (1 + most * (weights**2 @ (1 / filled))))
     alone = ~np.any(sides, axis=0) & (counts >= least) & (np.sum(counts) - counts >= least)
-    found = alone | (np.all(sides >= _EXPECTED, axis=0) & (counts > limit))
-    return np.where(alone, 0.0, most), found
+    excess = alone | (np.all(sides >= _EXPECTED, axis=0) & (counts > limit))
+    return np.where(alone, 0.0, most), excess
 
 
 def _loss(shares: list[float]) -> float:

@@ -199,9 +199,9 @@ def _hann_lorentz(damping: float, distance: Vector) -> tuple[Vector, NDArray[np.
     fallen = -np.expm1(-s)
     for z, triangle, plain in ((s, 2 / 3, 0.0), (s + turn, 1 / 6, part), (s - turn, 1 / 6, -part)):
         mean = fallen / z
-        rest, bend = (1 - mean) / z, (1 - fallen - mean) / z
-        total += triangle * rest + plain * mean
-        slope += plain * bend - triangle * (rest + bend) / z
+        taper, mean_slope = (1 - mean) / z, (1 - fallen - mean) / z
+        total += triangle * taper + plain * mean
+        slope += plain * mean_slope - triangle * (taper + mean_slope) / z
     return np.maximum(total.real, 1e-300), slope
 
 
