@@ -114,11 +114,12 @@ Optimum ExponentialSearch::at(std::vector<Place> places) const {
   return found;
 }
 
-// The local optimum on the exact curve next to the places: on short pieces of curve, of which the last ones are exact
-// to rounding, then by Newton's method.
-Optimum ExponentialSearch::polished(std::vector<Place> places) const {
+// The local optimum on the exact curve next to the places: on pieces of curve, ever shorter and at last exact to rounding,
+// then by Newton's method. After a search on a table, only the last two lengths are needed.
+Optimum ExponentialSearch::polished(std::vector<Place> places, bool tabulated) const {
   std::vector<double> shape(dim_), positive(dim_);
-  for (const double width : limits_.widths) {
+  const std::span<const double> widths(limits_.widths);
+  for (const double width : tabulated ? widths.last(std::min<std::size_t>(widths.size(), 2)) : widths) {
     double before = infinity;
     for (std::size_t round = 0; round < limits_.polishes && !places.empty(); ++round) {
       const std::size_t count = places.size();
@@ -251,7 +252,7 @@ bool ExponentialSearch::newton(std::vector<Place>& places, const std::vector<dou
 Optimum ExponentialSearch::followed(const std::vector<Place>& places) const {
   bool moved = false;
   Optimum there = sharpened(at(places), 1, limits_.followed, &moved);
-  return moved || places.empty() ? there : polished(places);
+  return moved || places.empty() ? there : polished(places, false);
 }
 
 // Places move to an end of their branch if the objective is flat up to that end.
@@ -365,7 +366,7 @@ Solved ExponentialSearch::solve(const WeightedTable& table, std::size_t k, std::
     if (!(candidate.objective <= (1 + limits_.table_error) * best.table)) continue;
     std::vector<Place> places;
     for (const Atom& atom : candidate.atoms) places.push_back(table.located(atom.position));
-    Optimum there = polished(std::move(places));
+    Optimum there = polished(std::move(places), true);
     if (there.objective < best.objective) static_cast<Optimum&>(best) = std::move(there);
   }
   static_cast<Optimum&>(best) = settled(std::move(static_cast<Optimum&>(best)));

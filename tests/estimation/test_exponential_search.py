@@ -110,6 +110,18 @@ def test_both_paths_reach_the_same_optimum(model, weighting, name):
     assert ours.lower_bound == pytest.approx(open_one.lower_bound, rel=LIMITS.certified_gap, abs=exact)
 
 
+@each(("gm", "moved"), [(gm, moved) for gm in (GM, OpenGM) for moved in (-1.5, -0.3, 0.3, 1.5)])
+def test_an_optimum_is_followed_however_far_other_weights_move_it(gm, moved):
+    # Iterated weights converge slowly, or not at all, if each step ends before the optimum for its weights.
+    wv = CURVES["drift"]
+    search = search_of(pose(gm() + WN() + DR(), wv, weighting_matrix("diagonal", wv)))
+    best = search.optimum(certify=False).best
+    ((branch, u),) = best.places
+    followed = search.follow([(branch, u + moved)])
+    assert followed.places[0][1] == pytest.approx(u, abs=1e-9)
+    assert followed.objective == pytest.approx(best.objective, rel=1e-12)
+
+
 def test_the_kernel_is_used_where_the_search_states_an_exponential_and_the_filter_is_haar():
     wv = CURVES["walk"]
     matrix = weighting_matrix("diagonal", wv)

@@ -106,7 +106,7 @@ class ExponentialSearch {
 
   bool as_low(double objective, double least, double share) const;
   Optimum at(std::vector<Place> places) const;
-  Optimum polished(std::vector<Place> places) const;
+  Optimum polished(std::vector<Place> places, bool tabulated) const;
   Optimum sharpened(Optimum best, std::size_t steps, double reach, bool* moved = nullptr) const;
   bool newton(std::vector<Place>& places, const std::vector<double>& weights, std::size_t steps, double reach) const;
   Optimum settled(Optimum best) const;
