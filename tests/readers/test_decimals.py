@@ -44,11 +44,16 @@ def test_commas_before_three_digits_are_a_question_beside_points(tmp_path, delim
         np.testing.assert_allclose(z[:7], size * (1000 + np.arange(7)) * 9.80665e-3, rtol=1e-12)
 
 
-def test_commas_that_must_be_decimal_signs_are_no_question(tmp_path):
+@pytest.mark.parametrize(("delimiter", "quote"), [(";", ""), (",", '"'), (";", '"')])
+def test_commas_that_must_be_decimal_signs_are_no_question(tmp_path, delimiter, quote):
     def row(k: int) -> str:
-        return f"{k / RATE:.3f};{NOISE[k]:.4f};{1.004 + NOISE[k]:.3f}".replace(".", ",")
+        cells = (f"{k / RATE:.3f}", f"{NOISE[k]:.4f}", f"{1.004 + NOISE[k]:.3f}")
+        return delimiter.join(quote + cell.replace(".", ",") + quote for cell in cells)
 
-    imu = gmwm.read(saved(tmp_path, "time [s];gyro_x [deg/s];accel_z [g]", row))
+    path = saved(tmp_path, delimiter.join(["time [s]", "gyro_x [deg/s]", "accel_z [g]"]), row)
+    imu = gmwm.read(path)
+    streamed = np.concatenate([chunk.values["accel_z"] for chunk in gmwm.stream(path, chunk=97)])
+    np.testing.assert_array_equal(streamed, imu["accel_z"].values)
     assert imu["accel_z"].values.mean() == pytest.approx(9.85, rel=1e-2)
 
 

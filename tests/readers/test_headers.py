@@ -29,7 +29,8 @@ def test_axis_by_name(axis, name):
         ("a_RS_S_x [m s^-2]", "m/s²"), ("acc_x_g", "g"), ("AccX (m/s²)", "m/s²"), ("acc_x [mg]", "mg"),
         ("accel_x_m_s2", "m/s²"), ("time_us", "us"), ("t_ms", "ms"), ("timestamp [ns]", "ns"), ("Time (s)", "s"),
         ("sensor_time_ns", "ns"), ("time", ""), ("gyro_x", ""), ("gyro_x [g]", ""), ("temp [°C]", "°C"),
-        ("temp_F", "°F"), ("Temperature (K)", "K"), ("imu_temp [deg F]", "°F"),
+        ("temp_F", "°F"), ("Temperature (K)", "K"), ("imu_temp [deg F]", "°F"), ("temperature [mdegC]", "m°C"),
+        ("temp (m°C)", "m°C"),
     ],
 )  # fmt: skip
 def test_unit_by_name(name, unit):

@@ -85,7 +85,10 @@ def test_temperature_is_interpolated_between_its_readings(tmp_path, suffix, kind
     np.testing.assert_allclose(imu.temperature, np.interp(np.arange(ROWS), known, values[known]), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("name", "readings"), [("temp_F", [77.0, 86.0]), ("temperature [K]", [298.15, 303.15])])
+@pytest.mark.parametrize(
+    ("name", "readings"),
+    [("temp_F", [77.0, 86.0]), ("temperature [K]", [298.15, 303.15]), ("temperature [mdegC]", [25e3, 30e3])],
+)
 def test_a_temperature_is_in_celsius(tmp_path, name, readings):
     values = np.repeat(readings, ROWS // 2)
     values[7] = np.nan

@@ -121,9 +121,9 @@ _GRAVITY = re.compile(r"(?P<prefix>milli|micro|nano|[mnuµ])?-?(?:(?P<gal>gals?)
 
 
 def in_celsius(values: Vector, unit: str) -> Vector:
-    """Return temperatures in °C; a unit other than "K" and "°F" leaves them as they are."""
-    if unit == "K":
-        return values - 273.15
+    """Return temperatures in °C; a unit other than "K", "m°C" and "°F" leaves them as they are."""
+    if unit in ("K", "m°C"):
+        return values - 273.15 if unit == "K" else values / 1000
     return (values - 32) / 1.8 if unit == "°F" else values
 
 

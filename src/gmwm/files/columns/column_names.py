@@ -214,6 +214,8 @@ def unit_of(text: str, axis: str) -> str:
     if axis == "time":
         return find_time_unit(text)
     if axis == "temperature":
+        if re.fullmatch(r"m(illi)?[-_]?(°|deg)?[-_.]?c(elsius)?", key):
+            return "m°C"
         key = key.removeprefix("°").removeprefix("deg").strip("_.")
         return {"c": "°C", "celsius": "°C", "k": "K", "kelvin": "K", "f": "°F", "fahrenheit": "°F"}.get(key, text)
     unit = find_unit(text)

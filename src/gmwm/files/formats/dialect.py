@@ -199,7 +199,7 @@ def _delimiter(lines: list[str], commas: Commas) -> tuple[str, bool]:
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
         for decimal_comma in (True,) if commas == "decimal" else (False, True):
-            if delimiter == "," and decimal_comma:
+            if delimiter == "," and decimal_comma and not all('"' in line for line in sample):
                 continue
             rows = [split_line(line, delimiter) for line in sample]
             fields, same = Counter(map(len, rows)).most_common(1)[0]
