@@ -92,6 +92,15 @@ def test_a_random_walk_and_one_pole_are_not_averaged():
 
 
 @pytest.mark.slow
+def test_a_strong_motion_is_no_filter():
+    x = np.random.default_rng(5).normal(size=400_000)
+    radius = np.exp(-2 * np.pi * 0.01 / 4)  # 1 Hz
+    sway = scipy.signal.lfilter([1.0], [1, -2 * radius * np.cos(2 * np.pi * 0.01), radius**2], x[:6_000])
+    x[100_000:106_000] += 300 * sway / np.std(sway)
+    (part,) = repaired(_imu(1e-3 * x))
+    assert part.rate == RATE
+
+
 def test_means_do_not_extend_across_gaps_and_do_not_depend_on_chunks(tmp_path):
     x = np.random.default_rng(2).normal(size=600_000)
     recording = _imu(x, segments=((0, 250_005), (250_005, 600_000)), starts=(0.0, 3000.0))

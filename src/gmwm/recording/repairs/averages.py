@@ -180,6 +180,8 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     rows = [np.lib.stride_tricks.sliding_window_view(x, _LENGTH)[:: _LENGTH // 2] for x in long]
     every = max(sum(map(len, rows)) // _MOST, 1)
     blocks = rows[0][::every] if len(rows) == 1 else np.concatenate(rows)[::every]
+    spreads = np.var(blocks, axis=1)
+    blocks = blocks[spreads <= 16 * np.median(spreads)]  # without motion, as in the inspection
     window, density = np.hanning(_LENGTH), np.zeros(_LENGTH // 2 + 1)
     for part in np.array_split(blocks, max(len(blocks) // 16, 1)):  # whose spectra fit in the cache of a processor
         spectra = np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * window)
