@@ -96,8 +96,7 @@ def test_a_dead_band_is_found(step):
     assert remark.facts["value"].value == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("step", [0.1, 0.6])
-@pytest.mark.parametrize("memory", [0.0, 0.7])
+@pytest.mark.parametrize(("step", "memory"), [(0.1, 0.0), (0.1, 0.7), (0.6, 0.0), (0.6, 0.7), (1.0, 0.5), (1.7, 0.0)])
 def test_truncation_towards_zero_is_found_only_around_zero(step, memory):
     x = lfilter([math.sqrt(1 - memory**2)], [1, -memory], np.random.default_rng(7).standard_normal(SAMPLES))
     assert "output-clipped:inside" in named(1e-3 * np.trunc((x + 0.3) / step) * step)

@@ -12,7 +12,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Integers, Vector
+from gmwm.base.lazy import scipy
 from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
@@ -210,6 +211,10 @@ def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float
         counts = np.bincount(places.astype(np.intp))
         # Correlated samples change the numbers more than independent ones.
         scatter = max(2 * float(np.var(values) / np.mean(changes**2)), 1.0)
+        cells = round(float(np.min(values)) / step) + np.arange(counts.size)
+        if np.var(values) < (_FINE * step) ** 2 and _is_truncated(cells, counts, scatter):
+            share = float(np.mean(np.abs(values) < step / 2))
+            return Saturation(axis=axis, share=share, value=0.0, loss=share / 2, matters=True, inside=True)
         most, excess = _unlike_neighbours(counts, least, scatter)
     else:  # noise does not return to a value
         changed = np.concatenate([run[1:][np.diff(run) != 0] for run in runs])
@@ -247,6 +252,26 @@ def _unlike_neighbours(counts: NDArray[np.intp], least: float, scatter: float) -
     alone = ~np.any(sides, axis=0) & (counts >= least) & (np.sum(counts) - counts >= least)
     excess = alone | (np.all(sides >= _EXPECTED, axis=0) & (counts > limit))
     return np.where(alone, 0.0, most), excess
+
+
+def _is_truncated(cells: Integers, counts: Integers, scatter: float) -> bool:
+    """Return whether Gaussian noise that is truncated towards zero has these numbers of samples in values of whole
+    steps, and rounded noise does not: neighbours cannot tell a peak of two steps from noise of one step."""
+    if not np.any(cells == 0) or not np.any(counts[cells == 0]) or np.count_nonzero(counts) < 4:
+        return False
+    mean = float(cells @ counts / np.sum(counts))
+    start = mean, 0.5 * math.log((cells - mean) ** 2 @ counts / np.sum(counts))
+
+    def misfit(low: ArrayLike, high: ArrayLike) -> float:
+        def deviance(of: Vector) -> float:
+            edges = scipy.special.ndtr((np.stack([low, high]) - of[0]) * math.exp(-of[1]))
+            expected = np.sum(counts) * np.maximum(edges[1] - edges[0], 1e-12)
+            return float(2 * scipy.special.xlogy(counts, counts / expected).sum())
+
+        return float(scipy.optimize.minimize(deviance, start, method="Nelder-Mead").fun)
+
+    limit = _EXPECTED * scatter
+    return misfit(cells - 0.5, cells + 0.5) > limit >= misfit(cells - (cells <= 0), cells + (cells >= 0))
 
 
 def _loss(shares: list[float]) -> float:
