@@ -51,6 +51,16 @@ def test_the_remark_has_the_numbers_at_the_scales_of_the_misfit(without_random_w
     assert (remark.facts["side"], remark.facts["tau"]) == ("below", Quantity(wv.tau[0], "s"))
 
 
+def test_a_misfit_at_scales_that_a_filter_follows_affects_k(calibration):
+    found = calibration.axes["gyro_x"]
+    wv, sheet = found.fit.wavelet_variance, found.datasheet
+    for level in (0, int(np.searchsorted(wv.tau, sheet["N"].value / sheet["K"].value))):
+        raised = found.fit.implied.copy()
+        raised[level] *= 4
+        fit = replace(found.fit, wavelet_variance=replace(wv, variance=raised, lower=0.9 * raised, upper=1.1 * raised))
+        assert ("K" in misfit_of(replace(found, fit=fit)).numbers) == (level > 0)
+
+
 def test_a_near_model_is_rejected_and_can_be_used(without_random_walk):
     found = without_random_walk.axes["gyro_x"]
     near = found.fit.implied * 1.2

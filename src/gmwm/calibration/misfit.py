@@ -62,8 +62,13 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
-    slopes, long = {str(symbol): law.slope for symbol, law in LAWS.items()}, tau > _middle(found)
-    numbers = tuple(name for name in found.datasheet if name in slopes and (slopes[name] >= 0) == long)
+    slopes, is_long = {str(symbol): law.slope for symbol, law in LAWS.items()}, tau > _middle(found)
+    white, walk = (found.datasheet.get(symbol) for symbol in ("N", "K"))
+    # A filter follows what changes more slowly than N/K.
+    is_slow = is_long or (white is not None and walk is not None and tau * walk.value > white.value)
+    numbers = tuple(
+        name for name in found.datasheet if name in slopes and (is_slow if slopes[name] >= 0 else not is_long)
+    )
     return LargestMisfit(tau=tau, ratio=ratio, numbers=numbers)
 
 
