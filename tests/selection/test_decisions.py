@@ -41,6 +41,18 @@ def test_a_candidate_within_four_standard_errors_of_the_best_one_is_tested(monke
     assert (1 in chosen) == equivalent
 
 
+@pytest.mark.parametrize(("pvalue", "chosen"), [(0.001, [1]), (0.3, [0])])
+def test_a_rejected_model_with_the_smallest_criterion_is_not_the_best_one(monkeypatch, pvalue, chosen):
+    wv = gmwm.wavelet_variance(gmwm.GM(beta=1.0, sigma2=1.0).simulate(4096, RATE, rng=1), RATE)
+    ranking = gmwm.rank(["GM + WN", "WN"], wv)
+    simple, best = (SimpleNamespace(**vars(ranking[name]), structure=name) for name in ("WN", "GM + WN"))
+    simple.pvalue, best.pvalue = pvalue, 0.9
+    monkeypatch.setattr(api, "difference_error", lambda *_: 1.0)
+    monkeypatch.setattr(api, "as_good", lambda *_, **__: True)
+    explored = SimpleNamespace(weights=None, wavelet=None)
+    assert list(api._equivalent([simple, best], explored, confidence=0.95, draws=500, seed=0)) == chosen
+
+
 @pytest.mark.parametrize(("share", "felt"), [(0.09, False), (0.11, True)])
 def test_a_drift_is_felt_from_a_tenth_of_the_longest_scale_on(share, felt):
     model = gmwm.Model.parse("WN + DR")

@@ -427,6 +427,8 @@ def _equivalent(
     """Yield the places of the candidates that are as good as the best one and contain no smaller such one, the simplest
     first."""
     best, level = candidates[0], _levels(candidates)
+    # A model that the test rejects is not the best one if it accepts another.
+    best = next((k for k in candidates if _is_rejected(best, k) and (k.pvalue or 0.0) >= REJECTED), best)
     equivalent, worse = list[Candidate](), list[Candidate]()
     distinct = [(c.parameters, level[c.structure], k) for k, c in enumerate(candidates) if c.same_as is None]
     for *_, place in sorted(distinct):
