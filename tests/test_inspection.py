@@ -171,9 +171,9 @@ def test_motion_is_one_range_without_knocks_and_jumps_at_its_edges():
     assert codes(moved) == ["recording-moved:moved"] * 6
     ((text, *others),) = [texts(moved, Dialect.SHELL)]
     assert not others
-    assert "from 295 s to 340 s and 785 s to 850 s" in text
-    assert "--skip 4min55s-5min40s,13min5s-14min10s" in text
-    assert "skip=[(295, 340), (785, 850)]" in texts(moved)[0]
+    assert "from 295 s to 340 s and 795 s to 835 s" in text
+    assert "--skip 4min55s-5min40s,13min15s-13min55s" in text
+    assert "skip=[(295, 340), (795, 835)]" in texts(moved)[0]
     assert [round(knock.time) for knock in found.knocks] == [400]
     assert not found.steps
     assert found.tilt < 0.1

@@ -125,15 +125,25 @@ def test_a_pair_of_curves_is_judged_without_the_samples():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seconds", "moved"), [(6, False), (80, True)])
-def test_motion_that_was_replaced_gets_no_remark(seconds, moved):
+@pytest.mark.parametrize(("seconds", "replaced"), [(6, True), (20, False), (80, False)])
+def test_motion_is_replaced_if_it_is_short_and_left_out_otherwise(seconds, replaced):
     x, size = signal(seed=8).values.copy(), round(seconds * RATE)
+    still = gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": x}, rate=RATE), WITHIN)
     x[20_000 : 20_000 + size] += 0.02 * np.sin(0.3 * np.arange(size))
     imu = gmwm.Imu.from_arrays({"gyro_x": x}, rate=RATE)
     assert "recording-moved:moved" in codes(gmwm.inspect(imu).remarks)
     found = gmwm.calibrate(imu, WITHIN)
-    assert ("recording-moved:moved" in codes(found.remarks)) is moved
-    assert ("samples-replaced:knocks" in codes(found.remarks)) is not moved
-    if not moved:
+    assert "recording-moved:moved" not in codes(found.remarks)
+    assert ("samples-replaced:knocks" in codes(found.remarks)) is replaced
+    assert ("recording-moved:excluded" in codes(found.remarks)) is not replaced
+    assert found.number_verdicts["gyro_x"]["N"].usability.value == "use"
+    assert found.datasheets["gyro_x"]["N"].value == pytest.approx(still.datasheets["gyro_x"]["N"].value, rel=0.02)
+    if replaced:
         ((start, stop),) = found.verdicts["gyro_x"].replaced.knocks
         assert 190 < start < 200 < 206 < stop < 220
+    else:
+        ((begin, end),) = only(found.remarks, "recording-moved:excluded", "gyro_x").facts["ranges"]
+        assert 185 <= begin < 200 < 200 + seconds < end <= 215 + seconds
+        kept = gmwm.calibrate(imu, WITHIN, repeated="keep")
+        assert kept.number_verdicts["gyro_x"]["N"].usability.value == "do not use"
+        assert "recording-moved:moved" in codes(kept.remarks)

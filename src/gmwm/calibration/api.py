@@ -82,8 +82,8 @@ def calibrate(
         Models that are fitted without comparing them with others, such as {"gyro_x": "2*GM + WN", "accel": "WN + RW"}.
         gmwm chooses the models of the other axes.
     repeated : "auto" or "keep"
-        With "auto", faults of the logger are undone, as `gmwm.inspect` describes. With "keep", all values are used as
-        they are.
+        With "auto", faults of the logger are undone, as `gmwm.inspect` describes, and motion in at most 15 % of the
+        recording is left out. With "keep", all values are used as they are.
     threads : int, optional
         Number of axes that are calibrated at the same time. Default: the number of processors.
     scheduler, workers : optional

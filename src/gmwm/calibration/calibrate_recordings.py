@@ -298,9 +298,8 @@ def _recording_remarks(
     by_recording: dict[str, list[Remark]] = {}
     for name, of_parts in inspections.items():
         remarks = by_recording[name] = []
-        recording_verdicts = [of[name] for of in verdicts.values() if name in of]
         still = [axis for axis in axes if not (name in verdicts[axis] and verdicts[axis][name].contaminated)]
-        parts = [tuple(recording_remarks(inspection, axes, recording_verdicts)) for inspection in of_parts]
+        parts = [tuple(recording_remarks(inspection, axes)) for inspection in of_parts]
         for inspection, part, of_part in zip(of_parts, parts, findings[name], strict=True):
             for remark in part:
                 # Another part, for example with a warm-up, has another share of lost samples.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
+from gmwm.base.remarks import Remark
 from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.data import Curve, Part, Recordings
 from gmwm.calibration.misfit import line_in
@@ -30,6 +31,7 @@ from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
 from gmwm.measuring.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, dependence, other_efficiency
+from gmwm.measuring.outliers.bursts import RARE
 from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED
 from gmwm.measuring.regression.conditions import Conditions
 from gmwm.measuring.regression.result import Regression
@@ -39,8 +41,9 @@ from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
 from gmwm.recording.repairs import only_axes, repaired, without_jumps
-from gmwm.recording.repairs.beginning import without_beginning
+from gmwm.recording.repairs.beginning import without_times
 from gmwm.recording.signals import Imu, Signal
+from gmwm.recording.time_ranges import range_texts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,6 +182,13 @@ def _measure_recording(
         if not any(part is original for original in recordings.parts[name]):
             run = replace(run, scheduler=None, workers=None)  # a repaired recording cannot be divided for processes
         conditions, passes = _read(part, axes, options, run)
+        omitted, ranges = _motion_to_omit(passes) if options.repeated == "auto" else ([], ())
+        if ranges:
+            part, axes = _only({remark.subject for remark in omitted}, part, axes, pieces)
+            left = passes.inspection.time_base.left
+            part = without_times(part, 0.0, [(begin - left, end - left) for begin, end in ranges])
+            run = replace(run, scheduler=None, workers=None)
+            conditions, passes = _read(part, axes, options, run)
         steady = part
         if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
             steady = without_jumps(part, jumps, remarks_of_jumps(passes.inspection))
@@ -186,17 +196,16 @@ def _measure_recording(
         inspection = passes.inspection
         if start := _warm_up(inspection, options):
             late = {trend.axis for trend in inspection.trends if trend.settles and not trend.is_small}
-            if steadier := [axis for axis in part.axes if axis not in late]:
-                # A warm-up of one axis costs the others nothing.
-                pieces.append(only_axes(part, steadier))
-                part, steady = (only_axes(recording, sorted(late)) for recording in (part, steady))
-                axes = [axis for axis in axes if axis in late]
-            part, steady = without_beginning(part, start), without_beginning(steady, start)
+            if len(late) < len(part.axes):
+                part, axes = _only(late, part, axes, pieces)
+                steady = only_axes(steady, sorted(late))
+            part, steady = without_times(part, start), without_times(steady, start)
             # A recording without its beginning cannot be divided into parts for other processes.
             conditions, passes = _read(steady, axes, options, replace(run, scheduler=None, workers=None))
             remarks = (*omission_remarks(inspection, start), *passes.inspection.remarks)
             inspection = replace(passes.inspection, remarks=remarks)
-        inspections.append(inspection)
+        remarks = (*omitted, *(r for r in inspection.remarks if not _is_motion(r) or _not_replaced(r, passes)))
+        inspections.append(replace(inspection, remarks=remarks))
         findings.append(passes.findings)
         accumulators |= passes.axes
         beginnings = _beginnings(part, passes.axes, conditions)
@@ -228,10 +237,41 @@ def _measure_recording(
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
 
 
+def _only(
+    names: Collection[str], part: Part, axes: Sequence[str], pieces: deque[Part]
+) -> tuple[Part, list[str]]:  # fmt: skip
+    """Return the axes with a disturbance, which costs the others nothing: they are a further piece."""
+    if others := [axis for axis in part.axes if axis not in names]:
+        pieces.append(only_axes(part, others))
+        part = only_axes(part, sorted(names))
+    return part, [axis for axis in axes if axis in names]
+
+
 def _read(part: Part, axes: Sequence[str], options: CalibrationOptions, run: Execution) -> tuple[Conditions, Passes]:
     """Return the conditions of a part of a recording, and the results of the passes over its samples."""
     conditions = Conditions.of_recording(part, options.conditions, threads=run.threads, curves=True)
     return conditions, read_recording(part, axes, options.efficiency, conditions=conditions, run=run)
+
+
+def _is_motion(remark: Remark) -> bool:
+    return remark.code == "recording-moved" and remark.facts["case"] == "moved"
+
+
+def _not_replaced(motion: Remark, passes: Passes) -> tuple[tuple[float, float], ...]:
+    """Return the ranges (s) of a motion that are not within a replaced knock."""
+    knocks = [times for item in passes.axes.values() for times in item.replaced.knocks]
+    ranges: Any = motion.facts["ranges"]
+    return tuple(span for span in ranges if not any(begin <= span[0] and span[1] <= end for begin, end in knocks))
+
+
+def _motion_to_omit(passes: Passes) -> tuple[list[Remark], tuple[tuple[float, float], ...]]:
+    """Return remarks on motion that is not replaced, and its ranges (s), if it is so rare that it can be left out."""
+    moved = [remark for remark in passes.inspection.remarks if _is_motion(remark) and remark.subject in passes.axes]
+    ranges = _not_replaced(moved[0], passes) if moved else ()
+    if sum(end - begin for begin, end in ranges) > RARE * passes.inspection.duration or not ranges:
+        return [], ()
+    facts: dict[str, Any] = {"case": "excluded", "parts": range_texts(ranges), "ranges": ranges}
+    return [Remark.of(remark.code, remark.subject, **facts) for remark in moved], ranges
 
 
 def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:

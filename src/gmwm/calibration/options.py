@@ -55,7 +55,7 @@ class CalibrationOptions:
     models : mapping of axis or sensor to Model
         Models that are fitted without comparing them with others. gmwm chooses the models of the other axes.
     repeated : "auto" or "keep"
-        Whether faults of the logger are repaired, such as repeated, frozen, interpolated and wrapped values.
+        Whether faults of the logger, such as repeated and frozen values, are repaired, and jumps and motion removed.
 
     Raises
     ------

@@ -86,7 +86,7 @@ class AxisAccumulator:
         self.beginning: Signal | None = None
         self._screening = Screening(rate)
         self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
-        self._replaced = Replaced()
+        self.replaced = Replaced()
         self._reach, self._keep = beginning, keep
         self._samples: list[tuple[Signal, bool]] = []
 
@@ -94,7 +94,7 @@ class AxisAccumulator:
         """Return a batch with wrong samples and knocks replaced and counted, without pulses of two-level noise."""
         if not self.two_levels:
             result = cleaned(signal)
-            self._replaced += result.replaced
+            self.replaced += result.replaced
             signal = result.signal
         self._keep_beginning(signal)
         return signal
@@ -136,7 +136,7 @@ class AxisAccumulator:
 
     def screen(self) -> Screen:
         """Return the bursts, the wrong samples and the tails of the distribution."""
-        return self._screening.result(replaced=self._replaced)
+        return self._screening.result(replaced=self.replaced)
 
     def spectrum(self, others: Sequence[AxisAccumulator] = ()) -> PowerSpectrum | None:
         """Return the spectrum of these recordings, smoothed except at lines; None if there are too few samples."""

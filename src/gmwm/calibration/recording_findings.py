@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gmwm.base.remarks import Quantity, Remark
@@ -14,19 +14,16 @@ from gmwm.calibration.result import AxisCalibration
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.findings import in_datasheet_units, of_units, removal_remark
-from gmwm.measuring.outliers import Verdict
 
 _LINE = "linear-trend"
 _RAMP = "R"  # symbol of the rate ramp in a datasheet
 
 
-def recording_remarks(
-    inspection: Inspection, axes: Mapping[str, AxisCalibration], verdicts: Sequence[Verdict]
-) -> Iterator[Remark]:
+def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
     """Yield the remarks of an inspection that matter, with affected numbers. Trends and swings that the model
-    describes, and knocks and motion that were replaced, are left out."""
+    describes, and knocks, which were replaced, are left out."""
     for remark in inspection.remarks:
-        if remark.code == "knocks" or _is_replaced(remark, verdicts):
+        if remark.code == "knocks":
             continue
         axis_calibration = axes.get(remark.subject)
         if axis_calibration is not None and _is_modelled(remark, axis_calibration.fit):
@@ -88,16 +85,6 @@ def _is_modelled(remark: Remark, fit: Fit) -> bool:
         return False
     lines = [line[1] for process in fit.model.processes if (line := process.line(rate)) is not None]
     return any(math.isclose(abs(cycles) * rate * period.value, 1, rel_tol=1e-6) for cycles in lines)
-
-
-def _is_replaced(remark: Remark, verdicts: Sequence[Verdict]) -> bool:
-    """Return whether a remark is about motion whose samples were replaced, and no axis has outliers that remain."""
-    if remark.code != "recording-moved" or remark.facts["case"] != "moved":
-        return False
-    ranges: Any = remark.facts["ranges"]
-    knocks = [times for verdict in verdicts for times in verdict.replaced.knocks]
-    overlap = all(any(first <= end and last >= begin for first, last in knocks) for begin, end in ranges)
-    return overlap and not any(verdict.exceeds for verdict in verdicts)
 
 
 def _left_in(found: AxisCalibration) -> str:

@@ -224,7 +224,7 @@ class RecordingStatistics:
         moving = {axis for axis, of_axis in by_axis.items() if of_axis.moves}
         outliers = {axis: sums.outliers() for axis, sums in statistics.items() if axis in moving}
         bursts = () if parts else knocks_of(outliers, extent)
-        motion = motion_of(statistics, bursts, extent)
+        motion = motion_of(statistics, bursts, extent, lambda axis, *part: self._reader(axis)(*part))
         knocks = tuple(knock for knock in bursts if not motion.meets(knock.time, knock.time + knock.duration))
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples, motion.still)
         trends = tuple(of_axis.trend for of_axis in by_axis.values() if of_axis.trend is not None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector, row_medians, runs_of
 from gmwm.measuring.inspection.knocks import BLOCK, FEWEST, Indices, Knock, Outliers, level_length, outliers_of
-from gmwm.measuring.inspection.time_grid import Extent
+from gmwm.measuring.inspection.time_grid import SHORTEST, Extent
 
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
@@ -216,11 +216,15 @@ class Motion:
         return any(begin <= last and end >= first for first, last in self.spans)
 
 
-def motion_of(statistics: Mapping[str, AxisStatistics], knocks: Sequence[Knock], extent: Extent) -> Motion:
-    """Find the windows with an unusual standard deviation on any axis, and join them with the knocks at their edges."""
+def motion_of(
+    statistics: Mapping[str, AxisStatistics], knocks: Sequence[Knock], extent: Extent,
+    values: Callable[[str, int, int], Vector],
+) -> Motion:  # fmt: skip
+    """Find the windows with an unusual standard deviation on any axis, in each the part that moves, and join them with
+    the knocks at their edges. `values(axis, first, last)` returns samples."""
     windows = extent.windows()
     shaken, touched = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
-    ratios = {}
+    ratios, limits = {}, {}
     for axis, sums in statistics.items():
         spreads = np.sqrt(sums.calm.variances())
         changing = spreads[sums.steps.means > 0]  # windows in which the output is not stuck
@@ -228,16 +232,29 @@ def motion_of(statistics: Mapping[str, AxisStatistics], knocks: Sequence[Knock],
         if usual > 0 and np.max(spreads) > _SHAKEN * usual:
             shaken |= spreads > _SHAKEN * usual
             touched |= spreads > _TOUCHED * usual
-            ratios[axis] = float(np.max(spreads) / usual)
+            ratios[axis], limits[axis] = float(np.max(spreads) / usual), _TOUCHED * usual
     ranges = np.flatnonzero(np.diff(np.concatenate([[False], touched, [False]]))).reshape(-1, 2)
     spans = []
     still = np.ones(len(windows), dtype=bool)
     for a, b in ranges:
         if np.any(shaken[a:b]):
             still[a:b] = False
-            begin, end = extent.times([windows[a][0], windows[b - 1][1] - 1])
-            window = float(end - begin) / float(b - a)
-            spans.append(_widened(float(begin), float(end), window, knocks))
+            first, last = windows[a][0], windows[b - 1][1]
+            # Pieces of a second, as the motion can be far shorter than a window.
+            piece = max(min(round(extent.rate), (last - first) // (b - a)), SHORTEST)
+            parts = {axis: values(axis, first, last) for axis in limits}
+            moving = np.zeros((last - first) // piece, dtype=bool)
+            for axis, part in parts.items():
+                moving |= np.std(part[: moving.size * piece].reshape(-1, piece), axis=1) > limits[axis]
+            if np.any(moving):
+                at = piece * np.flatnonzero(moving)
+                begin, end = max(int(at[0]) - piece, 0), int(at[-1]) + 2 * piece
+                rests = {axis: np.concatenate([part[:begin], part[end:]]) for axis, part in parts.items()}
+                if all(rest.size and np.std(rest) < limits[axis] for axis, rest in rests.items()):
+                    first, last = first + begin, min(first + end, last)
+            since, until = map(float, extent.times([first, last - 1]))
+            window = min(until - since, (windows[a][1] - windows[a][0]) / extent.rate)
+            spans.append(_widened(since, until, window, knocks))
     return Motion(spans=_joined(spans), ratios=ratios, still=still)
 
 

@@ -17,7 +17,7 @@ from gmwm.base.lazy import scipy
 from gmwm.base.time_base import begins_of, lost_before, times_of
 from gmwm.recording.gaps import joined_ranges
 
-_WINDOWS, _SHORTEST = 64, 16
+_WINDOWS, SHORTEST = 64, 16
 """Number of windows whose means and standard deviations are compared, and fewest samples of a window: with two, 28 of
 30 recordings of white noise seemed to be moved; with 16, at most 1 % of 300 (tests/test_inspection_limits.py)."""
 
@@ -70,7 +70,7 @@ class Extent:
     def windows(self) -> list[Range]:
         """Return up to 64 half-open index ranges of similar length, whose means can be compared. None contains a gap
         that is too long to fill, unless both sides are shorter than half a window; too short ones are left out."""
-        length = max(self.samples // _WINDOWS, min(_SHORTEST, self.samples))
+        length = max(self.samples // _WINDOWS, min(SHORTEST, self.samples))
         ranges: list[Range] = []
         joined = False  # whether the last range consists of short segments and may still grow
         for first, last in self.unbroken:

@@ -1,8 +1,7 @@
-"""Leave the beginning of a recording out, such as a warm-up, and subtract jumps of the mean."""
+"""Leave times of a recording out, such as a warm-up or a motion, and subtract jumps of the mean."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -12,26 +11,28 @@ from gmwm.recording.batches import Streamed
 from gmwm.recording.chunks import Samples
 from gmwm.recording.repairs.stage import Stage
 from gmwm.recording.signals import Imu
-from gmwm.recording.time_ranges import Trimmer
+from gmwm.recording.time_ranges import Trimmer, kept_ranges
 
 
-def without_beginning(recording: Imu | Streamed, start: float) -> Imu | Streamed:
-    """Return a recording without its first `start` seconds, with the same remarks."""
+def without_times(
+    recording: Imu | Streamed, start: float, skip: Sequence[tuple[float, float]] = ()
+) -> Imu | Streamed:  # fmt: skip
+    """Return a recording without its first `start` seconds and without ranges (s), with the same remarks."""
     if isinstance(recording, Imu):
-        return replace(recording.between(start), remarks=recording.remarks)
-    return _LaterStream(recording, start)
+        return replace(recording.between(start, skip=skip), remarks=recording.remarks)
+    return _PartialStream(recording, kept_ranges(start, None, skip))
 
 
-class _LaterStream(Stage):
-    """A recording in a file whose beginning is left out while it is read."""
+class _PartialStream(Stage):
+    """A recording in a file of which only some ranges (s) are kept while it is read."""
 
-    def __init__(self, stream: Streamed, start: float) -> None:
+    def __init__(self, stream: Streamed, kept: Sequence[tuple[float, float]]) -> None:
         super().__init__(stream)
-        self._start = start
+        self._kept = kept
 
     def samples(self) -> Iterator[Samples]:
         """Iterate over the samples."""
-        trimmer = Trimmer([(self._start, math.inf)], self.rate)
+        trimmer = Trimmer(self._kept, self.rate)
         for samples in self._stream.samples():
             part = trimmer.take(samples)
             if part is not None:
