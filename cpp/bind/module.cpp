@@ -21,6 +21,7 @@ void bind_polynomial(nb::module_& m);
 void bind_whitening(nb::module_& m);
 void bind_outliers(nb::module_& m);
 void bind_spectral_shape(nb::module_& m);
+void bind_json_text(nb::module_& m);
 
 namespace {
 
@@ -54,4 +55,5 @@ NB_MODULE(_core, m) {
   bind_whitening(m);
   bind_outliers(m);
   bind_spectral_shape(m);
+  bind_json_text(m);
 }

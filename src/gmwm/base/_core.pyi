@@ -406,3 +406,8 @@ def roots_inside(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(Non
     """
     Return whether all roots of the polynomial 1, c_1, c_2, … have a modulus below `most`.
     """
+
+def indented(json: bytes) -> bytes:
+    """
+    Return JSON without white space after commas with each item of a container on its own line, indented.
+    """

@@ -28,6 +28,7 @@ from typing import (
 
 import numpy as np
 
+from gmwm.base import _core
 from gmwm.base.errors import OptionError
 from gmwm.base.kinds import Document, array_type, field_types, require_kinds
 from gmwm.base.remarks import Remark, Severity
@@ -296,22 +297,12 @@ def plain_fields(result: object, names: str, *, finite: bool = True) -> dict[str
 
 
 @cache
-def _encoder(escaped: bool, separator: str) -> Callable[[Any], str]:
-    return json.JSONEncoder(allow_nan=False, ensure_ascii=escaped, separators=(separator, ": ")).encode
+def _encoder(escaped: bool) -> Callable[[Any], str]:
+    return json.JSONEncoder(allow_nan=False, ensure_ascii=escaped, separators=(",", ": ")).encode
 
 
-def indented_json(value: Any, *, escaped: bool = False, level: int = 0) -> str:
-    """Return the text of `json.dumps(value, indent=1, allow_nan=False)`, three times as fast, because numbers without
-    containers among them are encoded together. If `escaped` is true, the text is ASCII."""
-    encode = _encoder(escaped, ", ")
-    items = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
-    if not items:
-        return encode(value)
-    ends, inner = "\n" + level * " ", "\n" + (level + 1) * " "
-    if not any(issubclass(kind, dict | list | tuple) for kind in set(map(type, items))):
-        text = _encoder(escaped, "," + inner)(value)
-        return text[0] + inner + text[1:-1] + ends + text[-1]
-    parts, marks = [indented_json(item, escaped=escaped, level=level + 1) for item in items], "[]"
-    if isinstance(value, dict):
-        parts, marks = [f"{encode(str(key))}: {part}" for key, part in zip(value, parts, strict=True)], "{}"
-    return marks[0] + inner + f",{inner}".join(parts) + ends + marks[1]
+def indented_json(value: Any, *, escaped: bool = False) -> str:
+    """Return the text of `json.dumps(value, indent=1, allow_nan=False)`, five times as fast. If `escaped` is true, the
+    text is ASCII."""
+    text = _encoder(escaped)(value).encode(errors="surrogatepass")
+    return _core.indented(text).decode(errors="surrogatepass")

@@ -303,6 +303,8 @@ def read_text(path: str | os.PathLike[str]) -> Any:
 
 def _plain(value: Any) -> Any:
     """Return a value with lists instead of tuples and arrays, and strings instead of NaN and infinite numbers."""
+    if type(value) in (str, int, bool, NoneType) or (type(value) is float and math.isfinite(value)):
+        return value
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

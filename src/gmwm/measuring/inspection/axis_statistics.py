@@ -175,7 +175,8 @@ class Moments:
         """Add values to a group."""
         if values.size:
             mean = float(np.mean(values))
-            self._join(group, values.size, mean, float(np.sum((values - mean) ** 2)))
+            apart = values - mean
+            self._join(group, values.size, mean, float(np.sum(np.multiply(apart, apart, out=apart))))
 
     def add_squares(self, group: int, values: Vector) -> None:
         """Add values to a group for which only the mean square is needed; it is stored as the mean."""

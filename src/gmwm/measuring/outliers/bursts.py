@@ -155,14 +155,16 @@ def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
 class BurstCoefficients(NamedTuple):
     """The coefficients of a panel at one level, half a scale apart, and those of them that may be in a burst. `path` (n
     + 2,) are the sums of the samples up to each half scale; the coefficients are its second differences times `unit`.
-    `at` and `w` (k,) are indices and values of the coefficients beyond `_SMALL` local standard deviations. `piece`
-    coefficients have the same local standard deviation `spread` (m,). `energy` is the sum of the squares of all."""
+    `at`, `w` and `ratio` (k,) are indices, values and absolute values in local standard deviations of the coefficients
+    with a ratio beyond `_SMALL`. `piece` coefficients have the same local standard deviation `spread` (m,). `energy` is
+    the sum of the squares of all."""
 
     number: int
     path: Vector
     unit: float
     at: Indices
     w: Vector
+    ratio: Vector
     piece: int
     spread: Vector
     energy: float
@@ -172,14 +174,15 @@ class BurstCoefficients(NamedTuple):
         """Number of coefficients."""
         return self.path.size - 2
 
-    def limit(self, at: Indices) -> Vector:
-        """Return the local standard deviation at some coefficients."""
-        return np.asarray(self.spread[np.minimum(at // self.piece, self.spread.size - 1)])
-
     def relative(self, first: int, last: int) -> Vector:
         """Return the absolute values of consecutive coefficients, in local standard deviations."""
         size = np.abs(np.diff(self.path[first : last + 2], 2)) * self.unit
-        return np.asarray(size / self.limit(np.arange(first, first + size.size)))
+        return _relative(size, np.arange(first, first + size.size), self.spread, self.piece)
+
+
+def _relative(size: Vector, at: Indices, spread: Vector, piece: int) -> Vector:
+    """Return the sizes of coefficients `at` in local standard deviations."""
+    return np.asarray(size / spread[np.minimum(at // piece, spread.size - 1)])
 
 
 def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoefficients]:
@@ -192,8 +195,9 @@ def coefficients(panel: Vector, rate: float, step: float) -> Iterator[BurstCoeff
         # The standard deviation of the rounding error is step / √12.
         least = 12**-0.5 * step * 2.0 ** (-0.5 * (k + 1))
         at, w, spread, energy = _core.large_coefficients(path, unit, piece, least=least, limit=_SMALL)
+        ratio = _relative(np.abs(w), at, spread, piece)
         yield BurstCoefficients(
-            number=k + 1, path=path, unit=unit, at=at, w=w, piece=piece, spread=spread, energy=energy
+            number=k + 1, path=path, unit=unit, at=at, w=w, ratio=ratio, piece=piece, spread=spread, energy=energy
         )  # fmt: skip
         path = np.ascontiguousarray(path[::2])
 
@@ -212,6 +216,8 @@ def _finest_ranges(bursts_of_levels: Iterable[tuple[int, _LevelBursts]]) -> Rang
     """Return sample ranges of bursts, without those over bursts of finer levels, whose position is known better."""
     ranges = np.empty((0, 2), dtype=np.int64)
     for number, bursts in bursts_of_levels:
+        if not bursts.first.size:
+            continue
         new = np.stack([bursts.first << number - 1, (bursts.last + 2) << number - 1], axis=1)
         new = new[np.searchsorted(ranges[:, 0], new[:, 1]) == np.searchsorted(ranges[:, 1], new[:, 0], side="right")]
         ranges = np.concatenate([ranges, new])
@@ -238,9 +244,10 @@ _NO_BURSTS = _LevelBursts(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int6
 
 def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     """Return the bursts among the coefficients of one level of a panel."""
-    if level.at.size < FEW:
+    at, w, ratio, large = level.at, level.w, level.ratio, LARGE
+    # Hardly any level has so many neighbours, or a huge coefficient, and no other one has a burst.
+    if not np.any(at[FEWEST - 1 :] - at[: 1 - FEWEST] <= APART * (FEWEST - 1)) and not np.any(ratio > HUGE):
         return _NO_BURSTS
-    at, w, ratio, large = level.at, level.w, np.abs(level.w) / level.limit(level.at), LARGE
     if small:
         # At this share of large coefficients, `FEWEST` of them are neighbours by chance in one panel of ten thousand.
         share = (_FALSE / (level.size * APART ** (FEWEST - 1))) ** (1 / FEWEST)
@@ -267,21 +274,20 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
     """Return pulses: short changes of the mean, with few large coefficients (tests/outliers/test_pulses.py)."""
     from scipy.special import bdtrc
 
-    ratio = np.abs(level.w) / level.limit(level.at)
-    at, w = level.at, level.w
+    at, w, ratio = level.at, level.w, level.ratio
+    # Gaussian noise has no coefficient of 5.5 standard deviations. Between two blocks, a pulse is weak; such parts are
+    # looked for once several pulses are known.
+    limit = 5.5 if fewest > 1 else 4.5
     # Pulses of up to about 100 samples; longer ones are popcorn noise, if there are no knocks.
-    if at.size < 2 * fewest or not 3 <= level.number <= (6 if fewest > 1 else 8):
+    if at.size < 2 * fewest or not 3 <= level.number <= (6 if fewest > 1 else 8) or not np.any(ratio > limit):
         return _NO_BURSTS
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
     ends = np.append(begins[1:], at.size) - 1
     positive = np.add.reduceat((w > 0).astype(np.int64), begins)
-    # Gaussian noise has no coefficient of 5.5 standard deviations. Between two blocks, a pulse is weak; such parts are
-    # looked for once several pulses are known.
     largest_ratio = np.maximum.reduceat(ratio, begins)
     returns = (positive > 0) & (positive <= ends - begins)
     if fewest == 1:  # a pulse at an end of the panel has one edge
         returns |= (at[begins] < 2) | (at[ends] > level.size - 3)
-    limit = 5.5 if fewest > 1 else 4.5
     chosen = returns & (largest_ratio > limit)
     for k in np.flatnonzero(chosen).tolist():
         first, last = int(at[begins[k]]), int(at[ends[k]])
