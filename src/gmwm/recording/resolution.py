@@ -96,6 +96,11 @@ def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integer
     # The range without wrong samples, which can have any size.
     below = np.cumsum(counts) / np.sum(counts)
     reach = float(np.subtract(*levels[np.searchsorted(below, [0.99, 0.01])]))
+    above = np.min(steps[steps > _LARGEST_DUST * reach], initial=np.inf)
+    # Joined levels are few, because rounding makes several levels of each.
+    most_levels = LIMITS.distinct_share * levels.size
+    if levels.size - np.count_nonzero(steps <= max(_DUST * reach, above / _BETWEEN)) > most_levels:
+        return levels, counts
     ordered = np.sort(steps)
     dust = int(np.searchsorted(ordered, _DUST * reach, side="right"))
     most = int(np.searchsorted(ordered, _LARGEST_DUST * reach, side="right"))
@@ -103,8 +108,7 @@ def _without_rounding(levels: Vector, counts: Integers) -> tuple[Vector, Integer
         ratios = ordered[dust + 1 : most + 1] / ordered[dust:most]
         wide = np.flatnonzero(ratios > _BETWEEN)
         dust += int(wide[-1]) + 1 if wide.size else 0
-    # Joined levels are few, because rounding makes several levels of each.
-    if not dust or levels.size - dust > LIMITS.distinct_share * levels.size:
+    if not dust or levels.size - dust > most_levels:
         return levels, counts
     begins = np.flatnonzero(np.concatenate([[True], steps > ordered[dust - 1]]))
     sums = np.add.reduceat(counts, begins)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,10 +127,14 @@ class AxisStatistics:
             if low >= high:
                 continue
             part = slab[low:high]
-            self.windows.add(k, part)
+            calm, sums = part, sums_of(part)
+            self.windows.join(k, sums)
             inside = outliers[(outliers >= low) & (outliers < high)] - low
-            calm = np.delete(part, inside) if inside.size else part
-            self.calm.add(k, calm)
+            if inside.size:
+                calm = np.delete(part, inside)
+                self.calm.add(k, calm)
+            else:
+                self.calm.join(k, sums)
             # The mean hardly changes over 256 samples. The noise before rounding is estimated from them.
             for runs, samples in ((self._runs[k], calm), (self._runs_of_all[k], part)):
                 if (missing := 256 - sum(run.size for run in runs)) > 0:
@@ -165,6 +170,21 @@ def _means(blocks: Vector, medians: Vector) -> Vector:
     return np.asarray(means)
 
 
+class Sums(NamedTuple):
+    """Number, mean, and sum of the squared deviations from the mean of some values."""
+
+    number: int
+    mean: float
+    squares: float
+
+
+def sums_of(values: Vector) -> Sums:
+    """Return the sums of n > 0 values."""
+    mean = float(np.mean(values))
+    apart = values - mean
+    return Sums(values.size, mean, float(apart @ apart))
+
+
 class Moments:
     """Means and variances of several groups of values, accumulated in parts."""
 
@@ -174,25 +194,24 @@ class Moments:
     def add(self, group: int, values: Vector) -> None:
         """Add values to a group."""
         if values.size:
-            mean = float(np.mean(values))
-            apart = values - mean
-            self._join(group, values.size, mean, float(np.sum(np.multiply(apart, apart, out=apart))))
+            self.join(group, sums_of(values))
 
     def add_squares(self, group: int, values: Vector) -> None:
         """Add values to a group for which only the mean square is needed; it is stored as the mean."""
         if values.size:
-            self._join(group, values.size, float(np.mean(values**2)), 0.0)
+            self.join(group, Sums(values.size, float(values @ values) / values.size, 0.0))
 
     def variances(self) -> Vector:
         """Return the variance Σ (x − mean)² / n of each group; 0 for an empty group."""
         return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
 
-    def _join(self, group: int, count: int, mean: float, squares: float) -> None:
+    def join(self, group: int, sums: Sums) -> None:
+        """Add the sums of values to a group."""
         before = self.counts[group]
-        self.counts[group] = before + count
-        apart = mean - self.means[group]
-        self.means[group] += apart * count / self.counts[group]
-        self._squares[group] += squares + apart**2 * before * count / self.counts[group]
+        self.counts[group] = before + sums.number
+        apart = sums.mean - self.means[group]
+        self.means[group] += apart * sums.number / self.counts[group]
+        self._squares[group] += sums.squares + apart**2 * before * sums.number / self.counts[group]
 
 
 _SHAKEN = 4.0

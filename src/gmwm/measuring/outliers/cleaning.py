@@ -12,7 +12,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.time_base import times_of
 from gmwm.measuring.covariance.tails import TailSums
 from gmwm.measuring.outliers.bursts import BurstFinder, Bursts, Ranges, burst_ranges, coefficients, pulse_ranges
-from gmwm.measuring.outliers.spikes import find_spikes, repaired
+from gmwm.measuring.outliers.spikes import find_spikes, repaired, spikes_beside
 from gmwm.measuring.variance.open_segments import panel_length
 from gmwm.recording.batches import feed
 from gmwm.recording.gaps import drawn
@@ -107,9 +107,9 @@ class Cleaned:
 def cleaned(x: Signal) -> Cleaned:
     """Replace isolated wrong samples (`find_spikes`) and knocks (`find_bursts`), with fixed seeds. Knocks over 30 s, or
     together over 15 % of the samples, are kept: they are a state of the sensor."""
-    spikes = find_spikes(x)
-    # Replaced samples are not at multiples of the step.
-    signal, step = repaired(x, spikes), lsb(x.values) or 0.0
+    step = lsb(x.values) or 0.0  # replaced samples are not at its multiples
+    spikes = spikes_beside(x, step)
+    signal = repaired(x, spikes)
     knocks, hidden = _knocks(signal.values, x.rate, step), False
     if len(spikes) and not knocks.size:
         # The largest samples of short pulses can look like spikes.

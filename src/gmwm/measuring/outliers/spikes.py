@@ -86,11 +86,15 @@ def find_spikes(x: Signal) -> Spikes:
     """
     if not isinstance(x, Signal):
         raise OptionError(argument="x", expected="a Signal", got=x)
+    return spikes_beside(x, lsb(x.values) or 0.0)
+
+
+def spikes_beside(x: Signal, step: float) -> Spikes:
+    """Return the result of `find_spikes` for a signal with a known quantization step, or 0."""
     values = x.values
     none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
     if values.size < 4 * _REACHES[-1]:
         return none
-    step = lsb(values) or 0.0
     scale, length, tail, _ = _bulk(values, x.rate, step, most=_BULK, right=None, reach=_REACHES[0])
     if not scale.min() > 0:
         return none
