@@ -36,7 +36,9 @@ void second_order_sections(std::span<const double> sections, std::span<double> s
   const std::size_t count = sections.size() / 6;
   std::size_t k = 0;
   for (; k + 4 <= count; k += 4) cascade<4>(&sections[6 * k], &state[2 * k], x);
-  for (; k < count; ++k) cascade<1>(&sections[6 * k], &state[2 * k], x);
+  if (count - k == 3) cascade<3>(&sections[6 * k], &state[2 * k], x);
+  if (count - k == 2) cascade<2>(&sections[6 * k], &state[2 * k], x);
+  if (count - k == 1) cascade<1>(&sections[6 * k], &state[2 * k], x);
 }
 
 namespace {
@@ -98,6 +100,11 @@ void responses_to(std::span<const double> responses, std::size_t p, const std::v
       add_multiple(&responses[k * frame + first], last - first, power[k * m + j], &out[j * frame + first]);
 }
 
+GMWM_INLINE void add_neighbours_inline(double* x, std::size_t n, std::size_t step) {
+  for (std::size_t i = 0; i < n; ++i) x[i] += x[i + step];
+}
+constexpr Clones<add_neighbours_inline> add_neighbours{};
+
 // The entries of a matrix whose column, and if it is square also the row, is kept.
 std::vector<double> kept_part(const std::vector<double>& matrix, const std::vector<bool>& kept, bool square) {
   std::vector<double> out;
@@ -116,6 +123,13 @@ void least_squares_innovations(const double* responses, std::size_t stride, doub
   Pause pause(256);
   for (std::size_t t = 0; t < e.size(); ++t) {
     pause();
+    if (m == 1) {  // an unknown level, often for the whole recording
+      const double response = responses[t], error = e[t], share = response / information[0];
+      e[t] = share * response > unknown ? 0.0 : (error - share * moments[0]) / std::sqrt(1.0 + share * response);
+      information[0] += response * response;
+      moments[0] += response * error;
+      continue;
+    }
     const double* g = responses + t;
     cholesky(information.data(), m, factor.data());
     forward(factor.data(), m, g, stride, of_response.data());
@@ -174,16 +188,20 @@ void subtract_initial_state(std::span<const double> responses, std::span<const d
 
 std::vector<double> block_mean_squares(std::span<const double> sums, std::size_t m, std::size_t length) {
   const std::size_t blocks = sums.size() < m ? 0 : (sums.size() - m + 1) / length, half = m / 2;
-  std::vector<double> part(length + m - 1), out(blocks);
-  for (std::size_t b = 0; b < blocks; ++b) {
-    std::copy_n(&sums[b * length], part.size(), part.begin());
-    std::size_t n = part.size();
+  constexpr std::size_t together = 64;  // blocks, which are in the cache of the processor
+  std::vector<double> part(together * length + m - 1), out(blocks);
+  for (std::size_t first = 0; first < blocks; first += together) {
+    const std::size_t count = std::min(together, blocks - first);
+    std::size_t n = count * length + m - 1;
+    std::copy_n(&sums[first * length], n, part.begin());
     // Sums of 2, then of 4 consecutive entries, by adding neighbours.
-    for (std::size_t step = 1; step < half; n -= step, step *= 2)
-      for (std::size_t i = 0; i + step < n; ++i) part[i] += part[i + step];
-    double squares = 0.0;
-    for (std::size_t i = 0; i < length; ++i) squares += (part[i + half] - part[i]) * (part[i + half] - part[i]);
-    out[b] = squares / static_cast<double>(length);
+    for (std::size_t step = 1; step < half; n -= step, step *= 2) add_neighbours(part.data(), n - step, step);
+    for (std::size_t b = 0; b < count; ++b) {
+      const double* of = &part[b * length];
+      double squares = 0.0;
+      for (std::size_t i = 0; i < length; ++i) squares += (of[i + half] - of[i]) * (of[i + half] - of[i]);
+      out[first + b] = squares / static_cast<double>(length);
+    }
   }
   return out;
 }

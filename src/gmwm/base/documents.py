@@ -199,7 +199,10 @@ def _written(result: Any) -> dict[str, Any]:
     for entry in entries_of(type(result)):
         value = getattr(result, entry.name)
         value = plain(value() if callable(value) else value, finite=entry.default is not None)
-        content.update(value if entry.inlined else {entry.key: value})
+        if entry.inlined:
+            content.update(value)
+        else:
+            content[entry.key] = value
     return content
 
 

@@ -134,8 +134,11 @@ def document(calibration: Calibration) -> dict[str, Any]:
 
 
 def _of_axis(axis: AxisCalibration) -> dict[str, Any]:
-    content = {part.key: plain(getattr(axis, part.name), finite=False) for part in _AXIS_PARTS}
-    content["ranking"] = ranking_document(axis.ranking)
+    content = {
+        part.key: ranking_document(axis.ranking)
+        if part.key == "ranking" else plain(getattr(axis, part.name), finite=False)
+        for part in _AXIS_PARTS
+    }  # fmt: skip
     content["replicates"] = plain(axis.replicates, finite=False)
     for addition in axis_additions():
         value = axis.additions.get(addition.name)
@@ -307,11 +310,11 @@ def _plain(value: Any) -> Any:
         return value
     if hasattr(value, "tolist"):
         value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         finite = set(map(type, value)) == {float} and all(map(math.isfinite, value))
         return list(value) if finite else [_plain(item) for item in value]
+    if isinstance(value, dict | Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, float) and not math.isfinite(value):
         return next(word for word, number in _NUMBERS.items() if number == value or word == "NaN")
     return value
