@@ -41,6 +41,16 @@ Result row_medians(const Matrix& rows) {
   return to_numpy(std::move(medians));
 }
 
+Result window_medians(const Vector& x, std::size_t width) {
+  if (width == 0 || x.size() < width) throw nb::value_error("x must have `width` values or more, width > 0");
+  std::vector<double> medians;
+  {
+    const nb::gil_scoped_release release;
+    medians = gmwm::window_medians(view(x), width);
+  }
+  return to_numpy(std::move(medians));
+}
+
 Output<std::int64_t> uneven_rows(const Matrix& rows, double step, double times) {
   if (rows.size() == 0) throw nb::value_error("rows must have values");
   std::vector<std::int64_t> found;
@@ -83,6 +93,8 @@ void bind_outliers(nb::module_& m) {
         "Return the indices and the values of the second differences of a path, times `scale`, that exceed `limit` "
         "local standard deviations. Return also the standard deviation of each piece, and the sum of all squares.");
   m.def("row_medians", &row_medians, "rows"_a.noconvert(), "Return the median of each row of finite values.");
+  m.def("window_medians", &window_medians, "x"_a.noconvert(), "width"_a,
+        "Return the medians of all windows of `width` consecutive values; those of windows with NaN are arbitrary.");
   m.def("uneven_rows", &uneven_rows, "rows"_a.noconvert(), "step"_a, "times"_a,
         "Return the indices of the rows that can have a value further from their median than `times` spreads: the "
         "smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2.");

@@ -245,6 +245,19 @@ LargeCoefficients large_coefficients(std::span<const double> path, double scale,
   return found;
 }
 
+std::vector<double> window_medians(std::span<const double> x, std::size_t width) {
+  const auto pairs = exchanges_of(width);
+  std::vector<double> rows(width * lanes), out(x.size() - width + 1);
+  for (std::size_t first = 0; first < out.size(); first += lanes) {
+    const std::size_t count = std::min(lanes, out.size() - first);
+    for (std::size_t j = 0; j < width; ++j) std::copy_n(&x[first + j], count, &rows[j * lanes]);
+    exchange(rows.data(), pairs.data(), pairs.size());
+    const double *high = &rows[width / 2 * lanes], *low = width % 2 != 0 ? high : high - lanes;
+    for (std::size_t k = 0; k < count; ++k) out[first + k] = (low[k] + high[k]) / 2;
+  }
+  return out;
+}
+
 void neighbour_residuals(std::span<const double> x, std::span<const double> others, std::span<const std::int64_t> at,
                          std::size_t reach, std::span<double> out) {
   const auto pairs = exchanges_of(2 * reach);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <random>
 #include <set>
 #include <vector>
@@ -92,6 +93,23 @@ void rows_with_outliers_are_uneven() {
     }
 }
 
+void medians_of_windows_are_those_of_sorted_values() {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> x(70);
+  for (std::size_t t = 0; t < x.size(); ++t) x[t] = std::cos(static_cast<double>(t * t));
+  x[40] = nan;
+  for (const std::size_t width : {1u, 2u, 7u, 16u, 70u}) {
+    const std::vector<double> found = gmwm::window_medians(x, width);
+    CHECK(found.size() == x.size() - width + 1);
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      if (k <= 40 && k + width > 40) continue;
+      std::vector<double> window(x.begin() + static_cast<std::ptrdiff_t>(k), x.begin() + static_cast<std::ptrdiff_t>(k + width));
+      std::sort(window.begin(), window.end());
+      CHECK(found[k] == (window[(width - 1) / 2] + window[width / 2]) / 2);
+    }
+  }
+}
+
 void large_coefficients_are_their_definition() {
   constexpr double quartile = 0.6744897501960817, scale = 0.25, limit = 3.5;
   for (const std::size_t n : {3u, 70u, 130u, 5000u, 40000u})
@@ -173,6 +191,7 @@ int main() {
     medians_are_those_of_sorted_values();
     row_medians_are_those_of_sorted_rows();
     rows_with_outliers_are_uneven();
+    medians_of_windows_are_those_of_sorted_values();
     large_coefficients_are_their_definition();
     nothing_is_large_without_a_spread();
     residuals_are_their_definition();

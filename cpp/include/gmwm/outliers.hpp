@@ -34,6 +34,10 @@ struct LargeCoefficients {
 LargeCoefficients large_coefficients(std::span<const double> path, double scale, std::size_t piece, double least,
                                      double limit);
 
+// Medians of all windows of `width` consecutive values; x has `width` > 0 values or more. If a value is NaN, the medians
+// of the windows with it are arbitrary.
+std::vector<double> window_medians(std::span<const double> x, std::size_t width);
+
 // out[k] = x[at[k]] - median of the 2 reach nearest neighbours among `others`, `reach` on each side except next to an
 // end. x and others have the same size, more than 2 reach.
 void neighbour_residuals(std::span<const double> x, std::span<const double> others, std::span<const std::int64_t> at,

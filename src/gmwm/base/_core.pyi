@@ -382,6 +382,11 @@ def large_coefficients(path: Annotated[NDArray[numpy.float64], dict(shape=(None,
 def row_medians(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """Return the median of each row of finite values."""
 
+def window_medians(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], width: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Return the medians of all windows of `width` consecutive values; those of windows with NaN are arbitrary.
+    """
+
 def uneven_rows(rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, times: float) -> Annotated[NDArray[numpy.int64], dict(shape=(None,))]:
     """
     Return the indices of the rows that can have a value further from their median than `times` spreads: the smaller one of the standard deviation and of the median distance / 0.6745 + step, and at least step / 2.

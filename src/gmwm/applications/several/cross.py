@@ -391,9 +391,7 @@ def shared_noise(
         for axis, signal in pairs_of_axes:
             k = max(0, (len(signal) - 1).bit_length() - MOST_BLOCK_MEANS.bit_length() + 1)
             means[axis] = block_means(signal, k)
-        means = in_threads(
-            lambda _, signal: _detrend(signal), synchronous_signals(means, None, fill=False), threads=threads
-        )
+        means = _detrended(synchronous_signals(means, None, fill=False), threads)
         curves = in_threads(lambda _, signal: measure(signal, False, 0.6), means, threads=threads)
         curves = {axis: wv for axis, wv in curves.items() if np.all(wv.variance > 0)}
         unit = units_of(curves)
@@ -427,13 +425,17 @@ def block_means(signal: Signal, k: int) -> Signal:
     return Signal(values, signal.rate / size, signal.unit, signal.axis, segments=segments, filled=signal.filled >> k)
 
 
-def _detrend(signal: Signal) -> Signal:
-    """Subtract the least-squares line from a signal."""
-    count = len(signal)
+def _detrended(signals: Mapping[str, Signal], threads: int | None) -> dict[str, Signal]:
+    """Subtract the least-squares line from each of the signals, which are synchronous."""
+    count = len(next(iter(signals.values())))
     time = np.arange(count) - (count - 1) / 2
-    values = signal.values - signal.values.mean()
-    values -= np.multiply(time, float(time @ values) / (count * (count**2 - 1) / 12), out=time)
-    return replace(signal, values=freeze(values))
+
+    def of_axis(_: str, signal: Signal) -> Signal:
+        values = signal.values - signal.values.mean()
+        values -= time * (float(time @ values) / (count * (count**2 - 1) / 12))
+        return replace(signal, values=freeze(values))
+
+    return in_threads(of_axis, signals, threads=threads)
 
 
 class SharedNoiseAddition(RecordingAddition):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, row_medians
 from gmwm.base.documents import Documented
 
@@ -229,14 +230,12 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     estimate the level; NaN with fewer than `least` values."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
-    windows = sliding_window_view(padded, width)
-    counts = np.count_nonzero(~np.isnan(windows), axis=1)
-    medians = np.full(len(windows), np.nan)
-    full = counts == width
-    medians[full] = row_medians(windows[full])
-    partial = np.flatnonzero((counts >= least) & ~full)
+    known = np.concatenate([[0], np.cumsum(~np.isnan(padded))])
+    counts = known[width:] - known[:-width]
+    medians = np.where(counts == width, _core.window_medians(padded, width), np.nan)
+    partial = np.flatnonzero((counts >= least) & (counts < width))
     # NaN are last in sorted rows.
-    ordered, number = np.sort(windows[partial], axis=1), counts[partial]
+    ordered, number = np.sort(sliding_window_view(padded, width)[partial], axis=1), counts[partial]
     rows = np.arange(partial.size)
     medians[partial] = (ordered[rows, (number - 1) // 2] + ordered[rows, number // 2]) / 2
     shift = farthest + nearest

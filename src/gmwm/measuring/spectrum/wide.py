@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Matrix, Vector
 from gmwm.measuring.spectrum.line import (
     LEAST_QUALITY,
     Bump,
@@ -61,9 +61,10 @@ class WidePeak(NamedTuple):
         return self.density / self.level
 
 
-def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> DensityGrid:
-    """Return the means of the density over bins of 1 / per_octave octaves, each with at least two frequencies."""
-    size = spectrum.density.size - 1
+def grid_of(values: Matrix, per_octave: int) -> DensityGrid:
+    """Return the means of densities, frequencies and freedoms over bins of 1 / per_octave octaves, each with at least
+    two frequencies; the last row of `values` (4, n) is 1, and all are 0 where a narrow peak is left out."""
+    size = values.shape[1] - 1
     lowest = max(FIRST_BIN, math.ceil(2 * per_octave / math.log(2)))
     count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
     edges = np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64)
@@ -71,13 +72,10 @@ def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], p
     if edges.size < 2:
         empty = np.empty(0)
         return DensityGrid(empty, empty, empty, per_octave)
-    sums = [
-        np.add.reduceat(np.where(free, values, 0.0)[: edges[-1]], edges[:-1])
-        for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
-    ]
+    sums = np.add.reduceat(values[:, : edges[-1]], edges[:-1], axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        density, frequencies, mean_freedom = (total / sums[3] for total in sums[:3])
-        freedom = pooled_freedom(mean_freedom, sums[3])
+        density, frequencies, freedom = sums[:3] / sums[3]
+        freedom = pooled_freedom(freedom, sums[3])
     return DensityGrid(frequencies, density, freedom, per_octave)
 
 
@@ -87,7 +85,8 @@ def wide_peaks(
 ) -> tuple[list[Line], list[Bump]]:  # fmt: skip
     """Return significant wide lines and bumps (Bonferroni over all bins of all grids), without broad bases of those in
     `narrow`; `free` marks bins without a narrow peak."""
-    grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
+    values = np.where(free, [spectrum.density, spectrum.frequencies, freedom, np.ones(free.size)], 0.0)
+    grids = [grid_of(values, resolution) for resolution in RESOLUTIONS]
     tests = max(1, sum(grid.density.size for grid in grids))
     peaks: list[WidePeak] = []
     wider: list[WidePeak] = []
