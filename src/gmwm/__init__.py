@@ -29,8 +29,7 @@ Results, errors and functions for special purposes are in the packages: `gmwm.er
 All values are in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
 sample (a white noise variance σ² is the variance of one sample), except the inverse correlation time β of a
 Gauss-Markov process, which is in 1/s. Levels are numbered from 1; the scale of level j is τ_j = 2^j samples. The Allan
-variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
-"""
+variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j²."""
 
 import sys
 from importlib import import_module

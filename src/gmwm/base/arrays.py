@@ -18,15 +18,12 @@ from gmwm.base import _core
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.text import counted, with_article
 
-Vector = NDArray[np.float64]
-"""A one-dimensional float64 array."""
-Matrix = NDArray[np.float64]
-"""A two-dimensional float64 array."""
+Vector = NDArray[np.float64]  # a one-dimensional float64 array
+Matrix = NDArray[np.float64]  # a two-dimensional float64 array
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-NEGLIGIBLE_EXPONENT = 40.0
-"""x beyond which e^(−x) = 4·10⁻¹⁸ is below the rounding error of 1."""
+NEGLIGIBLE_EXPONENT = 40.0  # x beyond which e^(−x) = 4·10⁻¹⁸ is below the rounding error of 1
 
 MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x, rate)`; do not remove them."
 """Advice for NaN and masked values. Cutting them out would join samples that are not neighbours in time."""

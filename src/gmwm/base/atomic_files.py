@@ -139,8 +139,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-DEEPEST_DOCUMENT = 64
-"""Largest depth of a JSON document; gmwm's have ten levels, and very deep ones overflow the stack."""
+DEEPEST_DOCUMENT = 64  # largest depth of a JSON document; gmwm's have ten levels, and very deep ones overflow the stack
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

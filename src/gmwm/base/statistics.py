@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from gmwm.base.arrays import Matrix, Vector
 from gmwm.base.lazy import scipy
 
-_NODES = 48
-"""Nodes of the integral over τ; t distributions from 7 degrees of freedom are accurate to four digits."""
+_NODES = 48  # nodes of the integral over τ; t distributions from 7 degrees of freedom are accurate to four digits
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,8 +68,7 @@ class AxisAddition:
 class RecordingAddition:
     """A finding about all axes of a recording in memory, which `calibrate` reports as remarks on the recording.
 
-    A subclass overrides all methods.
-    """
+    A subclass overrides all methods."""
 
     def needs(self, axes: Sequence[str]) -> bool:
         """Return whether the addition needs the samples of a recording with these axes."""

@@ -192,8 +192,7 @@ Several = Sequence[Imu] | Sequence[Signal] | Sequence[Streamed] | Mapping[str, I
 """Data of several recordings of one unit."""
 
 
-Work = MeasuredAxis | ModelChoice | AxisCalibration
-"""What is known of an axis before the next step of its calibration."""
+Work = MeasuredAxis | ModelChoice | AxisCalibration  # what is known of an axis before the next step of its calibration
 
 
 def calibrate_recording(

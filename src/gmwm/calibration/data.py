@@ -140,20 +140,16 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
     chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
     for axis, item in chosen.items():
         if item is not None:
-            _check_unit(axis, item[0].unit if isinstance(item, tuple) else item.unit)
+            unit = item[0].unit if isinstance(item, tuple) else item.unit
+            parsed = find_unit(unit)
+            quantity = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
+            if parsed is not None and quantity is not None and parsed.quantity != quantity:
+                raise OptionError(
+                    f"{axis} must be in a unit of its sensor, such as {SI_UNIT[quantity]}; got {unit}",
+                    argument="data",
+                    advice="Correct the unit, or give the axis another name.",
+                )
     return chosen
-
-
-def _check_unit(axis: str, unit: str) -> None:
-    """Raise an OptionError if the name and the unit of an axis belong to different sensors."""
-    parsed = find_unit(unit)
-    quantity = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
-    if parsed is not None and quantity is not None and parsed.quantity != quantity:
-        raise OptionError(
-            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[quantity]}; got {unit}",
-            argument="data",
-            advice="Correct the unit, or give the axis another name.",
-        )
 
 
 def require_axes(options: CalibrationOptions, axes: Sequence[str]) -> None:

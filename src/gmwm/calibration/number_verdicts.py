@@ -13,18 +13,14 @@ from gmwm.base.units import sensor_of
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets import Entry
 
-MAIN = ("N", "K", "B")
-"""Symbols of the numbers that the verdict of a calibration counts."""
+MAIN = ("N", "K", "B")  # symbols of the numbers that the verdict of a calibration counts
 MEMORIES_OF_FILTER = 30.0
 """Scales over N/K beyond which a filter's K is unaffected: < 1 % of the error from flicker, 13 % from a walk, as its
 error falls with the squared frequency (tests/calibration/test_number_verdicts.py)."""
-OF_FILTER = ("N", "K")
-"""Symbols of the numbers of a filter."""
-OF_FIT = ("model-misfit", "coarse-misfit")
-"""Remarks on the difference between the model and the data."""
+OF_FILTER = ("N", "K")  # symbols of the numbers of a filter
+OF_FIT = ("model-misfit", "coarse-misfit")  # remarks on the difference between the model and the data
 _ALL, _FACTS = "all", "facts"
-_SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})
-"""Symbols that a remark can name."""
+_SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})  # symbols that a remark can name
 _SIZES = frozenset({*MAIN, "R", "Q", "q_c"})
 """Symbols of numbers that are sizes of noise, so that they can be upper limits."""
 

@@ -100,7 +100,11 @@ class CalibrationOptions:
             object.__setattr__(self, "within", as_model(self.within, "within"))
         _ = self.conditions  # validates the text and the arrays
         object.__setattr__(self, "axes", _checked_axes(self.axes))
-        object.__setattr__(self, "models", _checked_models(self.models))
+        models = self.models
+        if not isinstance(models, Mapping) or not all(isinstance(axis, str) for axis in models):
+            expected = "a mapping of axis or sensor to model, for example {'gyro_x': '2*GM + WN'}"
+            raise OptionError(argument="models", expected=expected, got=models)
+        object.__setattr__(self, "models", {axis: as_model(model, "models") for axis, model in models.items()})
 
     @property
     def general(self) -> Model:
@@ -163,14 +167,6 @@ class CalibrationOptions:
             return cls(**{name: content[name] for name in _SAVED} | later)
         except (OptionError, ModelError) as error:
             raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error
-
-
-def _checked_models(models: Mapping[str, ModelLike]) -> dict[str, Model]:
-    """Return the parsed models by axis or sensor. `require_axes` checks later that the recording has these axes."""
-    if not isinstance(models, Mapping) or not all(isinstance(axis, str) for axis in models):
-        expected = "a mapping of axis or sensor to model, for example {'gyro_x': '2*GM + WN'}"
-        raise OptionError(argument="models", expected=expected, got=models)
-    return {axis: as_model(model, "models") for axis, model in models.items()}
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:

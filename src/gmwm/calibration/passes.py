@@ -105,7 +105,10 @@ class AxisAccumulator:
             return
         first = part_of(signal, 0, self._reach - have)
         if self.beginning is not None:
-            first = _join(self.beginning, first)
+            before = self.beginning
+            begin, end = before.segments[-1]
+            follows = before.starts[-1] + (end - begin) / before.rate
+            first = end_to_end([before, first], [False, abs(first.starts[0] - follows) < 0.5 / before.rate])
         elif len(first) < len(signal) and not self._keep:
             # Copy the values, because a view would keep the whole array in memory.
             first = replace(first, values=first.values.copy())
@@ -147,13 +150,6 @@ class AxisAccumulator:
             return together.result().smoothed()
         except GmwmError:
             return None
-
-
-def _join(before: Signal, after: Signal) -> Signal:
-    """Return two consecutive parts of a signal as one signal, joined without a gap if no sample is missing between."""
-    begin, end = before.segments[-1]
-    follows = before.starts[-1] + (end - begin) / before.rate
-    return end_to_end([before, after], [False, abs(after.starts[0] - follows) < 0.5 / before.rate])
 
 
 def read_recording(

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 Verdict = Literal["agrees", "close", "larger", "smaller", "unusable", "unknown"]
 ReferenceLike = Mapping[str, tuple[float, str]] | Given | str | os.PathLike[str]
 
-CLOSE_DIFFERENCE = 0.1
-"""Relative difference of a close reference outside the interval; datasheets round to two digits."""
+CLOSE_DIFFERENCE = 0.1  # relative difference of a close reference outside the interval; datasheets round to two digits
 LEAST_UNIT_RATIO = 3.0
 """Smallest ratio (or inverse ratio) of measured and reference value for which a wrong unit is suspected."""
 POWERS = {"Q": 1.0, "N": 0.5, "B": 0.0, "K": -0.5, "R": -1.0}

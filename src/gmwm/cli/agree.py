@@ -47,8 +47,7 @@ def agree(
             another program, as for gmwm export --from.
         label (NAME): Name of a recording in the output. Give the option once for each recording, in the same order.
         size: Significance level: probability that any number is marked if all agree.
-        horizon (LENGTH): Time horizon of N and K if one calibration is compared with a file, as for gmwm export.
-    """
+        horizon (LENGTH): Time horizon of N and K if one calibration is compared with a file, as for gmwm export."""
     references = parse_references(reference or ())
     with progress("reading"):
         calibrations = [gmwm.Calibration.load(file) for file in files]

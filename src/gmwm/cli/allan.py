@@ -57,8 +57,7 @@ def allan(
             for all sizes is proportional to the square of the number of samples.
     Result:
         slopes: Estimate Q, N, B, K and R from the slopes of the Allan deviation.
-        csv: Write all values of all axes to this CSV file (SI units).
-    """
+        csv: Write all values of all axes to this CSV file (SI units)."""
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(
             f"--slopes needs an Allan deviation, not --kind {kind}", argument="kind", got=kind,
@@ -97,7 +96,16 @@ def _measure(
     """Compute the variance of each signal. If all cluster sizes are asked for, first print the expected time."""
     if clusters != "all":
         return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")
-    _print_cost(signals, kind)
+    first = next(iter(signals.values()))
+    sizes = len(first) // 2
+    octaves = _variance(first, kind, "decade").clusters.size
+    start = time.perf_counter()
+    _variance(first, kind, "decade")
+    seconds = (time.perf_counter() - start) / octaves / 2 * sizes * len(signals)
+    print(
+        f"up to {sizes} cluster sizes for each of {len(signals)} axes: about {max(seconds, 1):.0f} s. Ctrl-C stops.",
+        file=sys.stderr,
+    )
     results = {}
     for name, signal in signals.items():
         with _bar(name) as advance:
@@ -116,20 +124,6 @@ def _variance(
     if kind == "nonoverlapping-hadamard":
         return gmwm.hadamard_variance(signal, kind="nonoverlapping", clusters=clusters, progress=progress)
     return gmwm.allan_variance(signal, kind=kind, clusters=clusters, progress=progress)
-
-
-def _print_cost(signals: Mapping[str, gmwm.Signal], kind: Kind) -> None:
-    """Print the number of sizes and the expected time: differences fall linearly, so half the smallest's each."""
-    first = next(iter(signals.values()))
-    sizes = len(first) // 2
-    octaves = _variance(first, kind, "decade").clusters.size
-    start = time.perf_counter()
-    _variance(first, kind, "decade")
-    seconds = (time.perf_counter() - start) / octaves / 2 * sizes * len(signals)
-    print(
-        f"up to {sizes} cluster sizes for each of {len(signals)} axes: about {max(seconds, 1):.0f} s. Ctrl-C stops.",
-        file=sys.stderr,
-    )
 
 
 @contextmanager

@@ -26,8 +26,7 @@ def app(
             folder.
     Options:
         port (0 … 65535): Port of the page; 0 for any free port.
-        browser (--browser/--no-browser): Open the page in the browser.
-    """
+        browser (--browser/--no-browser): Open the page in the browser."""
     from gmwm.applications.app.server import serve
 
     return serve(path, port=port, browser=browser, tell=lambda url: print(f"{url}\nCtrl-C ends gmwm app.", flush=True))

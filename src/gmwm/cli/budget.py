@@ -52,8 +52,7 @@ def budget(
         latitude: Latitude (deg).
         rate: Sampling rate (Hz), if SOURCE is a datasheet or a file that does not state it.
         level: Confidence level of the intervals.
-        against (SOURCE): Also compute the budget of this calibration, file or datasheet, and compare both budgets.
-    """
+        against (SOURCE): Also compute the budget of this calibration, file or datasheet, and compare both budgets."""
     seconds, before = parse_length(duration), parse_length(rest, "rest")
 
     def budget_of(text: str, option: str = "SOURCE") -> Budget:

@@ -168,8 +168,7 @@ def calibrate(
         output (--output, -o): Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to
             this directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.
         details (--details/--no-details): Print all numbers of each axis, and why its model was chosen, not one line for
-            each axis.
-    """
+            each axis."""
     terms = joined_against(against, AUTO)
     options = calibration_options(
         within=within, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,

@@ -47,8 +47,7 @@ def compare(
         files (FILE…): One or more recordings, each in any supported format.
     Estimation:
         classical: Show only the classical curve.
-        robust: Show only the robust curve.
-    """
+        robust: Show only the robust curve."""
     if calibrations := [
         file for file in files if calibration_file(file).is_file() and calibration_file(file).suffix == ".json"
     ]:

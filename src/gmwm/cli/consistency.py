@@ -46,8 +46,7 @@ def consistency(
         filter: nk: white noise N and a random walk K. markov: N and a Gauss-Markov bias with sigma and T. model: the
             state space of the whole model.
         horizons (LENGTHS): Horizons of the verdict, separated by commas.
-        level: Confidence level of intervals and bands.
-    """
+        level: Confidence level of intervals and bands."""
     from gmwm.applications.monitor import consistency
 
     imu = load(file, reading)

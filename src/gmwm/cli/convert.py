@@ -38,8 +38,7 @@ def convert(
         output (OUT): File to write: .parquet, .csv, .mcap or .imu.
     Result:
         to (FORMAT): Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT
-            or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it.
-    """
+            or imu:NAVCHIP_FLT. An .imu file does not state its type, so the option is needed for it."""
     from gmwm.recording.writers import MCAP, RECORDS
 
     if output.exists() and output.resolve() == file.resolve():

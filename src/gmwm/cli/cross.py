@@ -39,8 +39,7 @@ def cross(
         robust: Use robust estimates, which are insensitive to knocks.
         size: Significance level: probability of any false detection in all tests together.
     Result:
-        csv: Write the correlations of all pairs and scales to this CSV file.
-    """
+        csv: Write the correlations of all pairs and scales to this CSV file."""
     recording = open_recording(file, reading, chunked)
     axes = chosen_names(recording.axes, axis)
     with progress("measuring"):

@@ -28,7 +28,6 @@ from gmwm.theory.processes.model import Model
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
-SAMPLES = 720_000  # two hours at 100 Hz
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Quantization step of the simulated sensors (rad/s, m/s²): 1 % of their noise, so it does not affect the results."""
 
@@ -46,8 +45,7 @@ def demo(
 
     Options:
         output (--output, -o): Directory for the files of the demo.
-        seed (≥ 0): Seed of the simulation. Another seed gives another recording of the same unit.
-    """
+        seed (≥ 0): Seed of the simulation. Another seed gives another recording of the same unit."""
     from gmwm.theory.simulation import reference_imu
 
     helpers = calibration_helpers(plots=True)
@@ -86,9 +84,9 @@ def demo(
 
 
 def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
-    """Simulate a recording, and write it to a file."""
+    """Simulate a recording of two hours, and write it to a file."""
     with progress("simulating"):
-        imu = gmwm.simulate(truth, rate=100.0, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
+        imu = gmwm.simulate(truth, rate=100.0, samples=720_000, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         imu.write(file)
     return imu

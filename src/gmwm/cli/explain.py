@@ -26,8 +26,7 @@ def explain(
     """Explain a message: what it means for the results, and what to do.
 
     Every message has a code, which stands in brackets after the text. Several situations can have one code, if the same
-    advice applies to them.
-    """
+    advice applies to them."""
     if code is None:
         return Outcome(command="explain", document={"codes": list(messages())}, text=codes_text())
     text = explanation(code, Dialect.SHELL)

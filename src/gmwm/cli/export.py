@@ -79,8 +79,7 @@ def export(
             this process is fitted. Default: 1h, or the duration of the recording if it is shorter.
     Result:
         output (--output, -o): Write to this file. Default: print the text.
-        all: Write one file in each format to this directory.
-    """
+        all: Write one file in each format to this directory."""
     if all is not None and (format is not None or output is not None):
         raise OptionError(
             "--all writes every format", argument="all", got=str(all), advice="Leave {--format} and {--output} out."

@@ -126,8 +126,7 @@ def fit(
             records, for example 500, instead of from theory. Intervals at 95 % need at least 39 records.
         seed (≥ 0): Seed of the bootstrap and of the random draws.
         plot: Plot the fits to this .png, .pdf or .svg file.
-        output: Write fits.json and a plot of each fit to this directory.
-    """
+        output: Write fits.json and a plot of each fit to this directory."""
     from gmwm.fitting.estimation import Sampled
 
     parsed, strength = gmwm.Model.parse(model), chosen_efficiency(robust, efficiency)

@@ -76,8 +76,7 @@ def fleet(
         retries (≥ 0): Number of further attempts for a unit after an error of the file system or the loss of a worker.
     Result:
         output (--output, -o): Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this
-            directory. Units whose results are already in this directory are skipped.
-    """
+            directory. Units whose results are already in this directory are skipped."""
     from gmwm.applications.fleets.engine import calibrate_fleet
 
     _check(folder, scheduler=scheduler, workers=workers)

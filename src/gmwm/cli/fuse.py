@@ -58,8 +58,7 @@ def fuse(
         apply (FILE): Apply the weights or the filter to this recording of the same array, for example one in motion.
             Repeat the option if there is a file for each unit.
         output: Write the fused recording to this .csv or .parquet file.
-        csv: Write the predicted wavelet deviations to this CSV file.
-    """
+        csv: Write the predicted wavelet deviations to this CSV file."""
     scales = None if horizon is None else _scales(horizon)
     units = _load(files, reading, axis)
     tell_inspection(next(iter(units.values())))

@@ -50,8 +50,7 @@ def info(
     Result:
         noise_against: Test whether the noise of each axis depends on the temperature or on time, at each scale and for
             each term of the noise model.
-        plot: Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file.
-    """
+        plot: Plot all axes over time, with the samples of each finding, to this .png, .pdf or .svg file."""
     terms = joined_against(against, AUTO)
     memory = "--plot" if plot is not None else "--noise-against" if noise_against is not None else memory_for(terms)
     recording = open_recording(file, reading, chunked, whole=memory)

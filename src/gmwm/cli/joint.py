@@ -44,8 +44,7 @@ def joint(
             at least five coefficients.
         certify: Prove by branch and bound that no other correlation times fit better.
         certify_within (TIME): Largest time for the proof, such as 60s or 10min. If it is too short, the lower bound is
-            less tight.
-    """
+            less tight."""
     recording = load(file, reading)
     signals = chosen_axes(recording, axis)
     if len(signals) < 2:

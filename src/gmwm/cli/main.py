@@ -61,10 +61,13 @@ class OneLineErrors(TyperGroup):
         except (BrokenPipeError, SystemExit):
             # A closed pipe (`head`) is no error, but stdout, flushed at exit, needs a new target. Typer and Rich raise
             # SystemExit only for this, as standalone mode is off.
-            _discard_stdout()
+            sink = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(sink, sys.stdout.fileno())
+            os.close(sink)
             code = OK
         except _UsageError as error:
-            code = _print_error(_usage_text(error))
+            text = _value_text(error) or error.format_message()
+            code = _print_error(text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)")
         except GmwmError as error:
             code = _print_error(error.text(Dialect.SHELL))
         except MemoryError:
@@ -122,26 +125,16 @@ class OnceCommand(TyperCommand):
 def _leave_threads_behind(code: int) -> None:
     """Exit at once if worker threads run, which the interpreter would await; only the main thread writes files."""
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
-        _flush()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):
+                stream.flush()
         os._exit(code)
-
-
-def _flush() -> None:
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):
-            stream.flush()
 
 
 def _print_error(message: str) -> int:
     with contextlib.suppress(OSError):  # stderr may be closed or full
         print(f"error: {one_line(message)}", file=sys.stderr)
     return USER_ERROR
-
-
-def _usage_text(error: Any) -> str:
-    """Return the text of Typer's error about the arguments of a command, with a hint to the help of the command."""
-    text = _value_text(error) or error.format_message()
-    return text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)"
 
 
 def _value_text(error: Any) -> str:
@@ -161,12 +154,6 @@ def _value_text(error: Any) -> str:
         return ""
     got = f"; got {details['input']!r}" if "input" in details else ""
     return f"{option} must be {_EXPECTED[kind]}{got}"
-
-
-def _discard_stdout() -> None:
-    sink = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, sys.stdout.fileno())
-    os.close(sink)
 
 
 NAMES = {

@@ -77,8 +77,7 @@ def monitor(
         follow: Wait for more data at the end of a text file that is being written.
     Result:
         plot: Plot the signals with the events, and the control charts, to this .png, .pdf or .svg file.
-        output (--output, -o): Write a summary to this .html file.
-    """
+        output (--output, -o): Write a summary to this .html file."""
     patience = None if idle is None else parse_length(idle, "idle")
     seconds = parse_length(every, "every")
     origin = Origin(from_fits, source)

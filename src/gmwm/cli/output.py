@@ -84,7 +84,13 @@ def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False)
     """Write a result's files, print it as text or JSON, and raise its failure, or `typer.Exit` for a code ≠ 0."""
     for remark in outcome.remarks:
         tell(remark)
-    _write_files(outcome)
+    together = outcome.together and outcome.files
+    with written_together(outcome.files[0].path.parent) if together else nullcontext() as folder:
+        for file in outcome.files:
+            with progress(file.label) if file.label else nullcontext():
+                file.write(file.path if folder is None else folder / file.path.name)
+        for path in outcome.obsolete:
+            path.unlink(missing_ok=True)
     warned.show()
     if json:
         remarks = [*outcome.in_text, *warned.remarks]
@@ -116,16 +122,6 @@ def _written(paths: Sequence[Path]) -> list[str]:
         for line in textwrap.wrap(f"Wrote to {folder}: {', '.join(names)}", TEXT_WIDTH, subsequent_indent="  ",
                                   break_long_words=False, break_on_hyphens=False)
     ]  # fmt: skip
-
-
-def _write_files(outcome: Outcome) -> None:
-    together = outcome.together and outcome.files
-    with written_together(outcome.files[0].path.parent) if together else nullcontext() as folder:
-        for file in outcome.files:
-            with progress(file.label) if file.label else nullcontext():
-                file.write(file.path if folder is None else folder / file.path.name)
-        for path in outcome.obsolete:
-            path.unlink(missing_ok=True)
 
 
 def text_file(path: Path, text: str) -> NewFile:

@@ -58,8 +58,7 @@ def plan(
         rate: Sampling rate (Hz). Not needed with --from-fits.
         accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
         weighting: Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal).
-            Default: diagonal, but optimal for processes with several shape parameters such as AR(2).
-    """
+            Default: diagonal, but optimal for processes with several shape parameters such as AR(2)."""
     if sum(source_given is not None for source_given in (model, from_fits, source)) != 1:
         raise OptionError(
             "exactly one of MODEL, --from-fits and --from is needed", argument="model", got=model,

@@ -50,8 +50,7 @@ def psd(
         detrend: Trend to remove from each block: its mean (constant) or a fitted line (linear).
     Result:
         datasheet (--datasheet/--si): Use deg/h, mg (default), or SI.
-        csv: Write all frequencies to this CSV file (SI units).
-    """
+        csv: Write all frequencies to this CSV file (SI units)."""
     recording = open_recording(file, reading, chunked)
     spectra = _measure(recording, axis, length=length, detrend=detrend)
     system = picture_units(datasheet)

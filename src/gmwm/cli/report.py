@@ -36,8 +36,7 @@ def report(
         pdf: Write a PDF. This needs Chromium or Chrome, except with --one-page, which uses Matplotlib.
     Result:
         output (--output, -o): Write to this file. Default: report.html, or one_page.html, in the folder of the
-            calibration.
-    """
+            calibration."""
     file = calibration_file(file)
     with progress("writing the report"):
         calibration = gmwm.Calibration.load(file)

@@ -42,8 +42,7 @@ def same(
     Options:
         model (MODEL): Compare the parameters of this model, such as 'WN + RW', instead of the noise at each scale.
         tolerance: Largest |ln| of the ratio of two deviations that counts as equal: 0.1 allows 10 %.
-        size: Significance level: probability of any false difference in all tests.
-    """
+        size: Significance level: probability of any false difference in all tests."""
     if len(files) < 2:
         raise OptionError(f"pass at least two recordings; got one, {files[0]}", argument="files", got=str(files[0]))
     recordings = [gmwm.Imu(chosen_axes(load(file, reading), axis)) for file in files]

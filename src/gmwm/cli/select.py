@@ -60,8 +60,7 @@ def select(
     Result:
         limit (≥ 1): Number of models to print for each axis.
         plot: Plot the best models of one axis to this .png, .pdf or .svg file.
-        output (--output, -o): Write rankings.json and a plot of the best models of each axis to this directory.
-    """
+        output (--output, -o): Write rankings.json and a plot of the best models of each axis to this directory."""
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     options = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
     terms = joined_against(against, NONE)

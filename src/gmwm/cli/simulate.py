@@ -52,8 +52,7 @@ def simulate(
         rate: Sampling rate (Hz). Default: 100, or the rate in the file of --from.
         seed (≥ 0): Seed of the simulation. The same seed gives the same recording.
         components: Also write the simulated process of each term to this .csv or .parquet file, in columns such as
-            'gyro_x WN \\[rad/s]'.
-    """
+            'gyro_x WN \\[rad/s]'."""
     from gmwm.theory.simulation import models_by_axis, reference_imu
 
     if sum((reference, bool(model), source is not None)) != 1:

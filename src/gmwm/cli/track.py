@@ -164,8 +164,7 @@ def track(
         output (--output, -o): Write the time, the data, and each process with its standard deviation to this .csv or
             .parquet file, in SI units. Missing samples are NaN.
         plot: Plot the data and the processes of one axis, with confidence bands, to this .png, .pdf or .svg file.
-        datasheet: Use deg/h and mg instead of rad/s and m/s².
-    """
+        datasheet: Use deg/h and mg instead of rad/s and m/s²."""
     from gmwm.recording.writers import table_path
 
     source = model_source(

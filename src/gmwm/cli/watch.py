@@ -217,8 +217,7 @@ def watch(
         accuracy (SHARE): Desired relative standard error, as 0.1 or 10%; at most 0.5.
         every (LENGTH): Time between updates, such as 5s or 1min.
     Result:
-        datasheet: Use deg/h and mg instead of rad/s and m/s².
-    """
+        datasheet: Use deg/h and mg instead of rad/s and m/s²."""
     from gmwm.files.readers.growing_files import Lines, growing_stream
     from gmwm.fitting.inference.planning import as_accuracy
     from gmwm.measuring.streaming.passes import accumulators

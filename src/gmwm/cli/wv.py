@@ -58,8 +58,7 @@ def wv(
         filter: Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.
     Result:
         csv: Write all levels of all axes to this CSV file (SI units).
-        overlay: Plot the axes x, y and z of a sensor in one panel.
-    """
+        overlay: Plot the axes x, y and z of a sensor in one panel."""
     from gmwm.showing.plots.labels import view_of
 
     strength = chosen_efficiency(robust, efficiency)

@@ -141,8 +141,7 @@ class Reader(ABC):
 
     The methods take the `path` of the file; `head`, its first 64 kB; `layout`, a result of `layouts`; `wanted`, the
     indices of the columns (from 0); and `mark`, a result of `marks` at which reading begins. The page
-    docs/contributing/add-a-reader.md shows how to write a reader.
-    """
+    docs/contributing/add-a-reader.md shows how to write a reader."""
 
     name: ClassVar[str]
     """Name of the format, for the `format` option."""
@@ -160,8 +159,7 @@ class Reader(ABC):
         """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match,
         as for every file of a format without signatures, which the user names.
 
-        The content decides. If two formats match equally well, the extension decides.
-        """
+        The content decides. If two formats match equally well, the extension decides."""
         return float(head.startswith(self.signatures))
 
     @abstractmethod

@@ -96,8 +96,7 @@ class WaveletFilter:
 
         For fk8, it is 5.8e-5, although its terms are of size 1. Rounded taps change it by 1e-12 of its value, and the
         order of summation adds further errors. Therefore the sum is computed in exact arithmetic, and one Newton step
-        corrects the rounding of the taps.
-        """
+        corrects the rounding of the taps."""
         if self.vanishing_moments > 1:
             return 0.0
         g = [Fraction(float(tap)) for tap in self.scaling]
@@ -165,8 +164,7 @@ class WaveletFilter:
         """Return the squared gain |H_j(f)|² of the maximal-overlap level-j wavelet filter at frequencies f in cycles
         per sample (the frequency in Hz times the sampling interval).
 
-        The wavelet variance of a process with spectral density S is ∫ |H_j(f)|² S(f) df.
-        """
+        The wavelet variance of a process with spectral density S is ∫ |H_j(f)|² S(f) df."""
         f = np.asarray(frequencies, dtype=np.float64)
         gain = np.ones(f.shape)
         for j in range(level):
@@ -180,8 +178,7 @@ class WaveletFilter:
         lags k.
 
         It is computed from level to level: r_j(k) = Σ_n r_g(n) r_{j−1}((k − n)/2), where r_g is the autocorrelation of
-        the scaling filter and n has the parity of k. One lag takes O(j L²) operations, which do not depend on L_j.
-        """
+        the scaling filter and n has the parity of k. One lag takes O(j L²) operations, which do not depend on L_j."""
         distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         return np.asarray(self._autocorrelation(distances, level)[where].reshape(np.shape(lags)))
 

@@ -40,7 +40,7 @@ class Folders:
         if not folder.is_dir():
             raise ReadError(f"{text} is not a folder", code="is-directory")
         names = sorted((name for name in folder.iterdir() if not name.name.startswith(".")), key=lambda name: name.name)
-        inside = [name for name in names if self._is_inside(name)]
+        inside = [name for name in names if name.resolve().is_relative_to(self.root)]
         here = folder.relative_to(self.root) if folder.is_relative_to(self.root) else Path(".")
         return (
             str(here),
@@ -79,9 +79,6 @@ class Folders:
         if not path.exists():
             raise ReadError(f"{text} does not exist", argument="file", code="not-found")
         return path
-
-    def _is_inside(self, path: Path) -> bool:
-        return path.resolve().is_relative_to(self.root)
 
 
 def _blocks(content: IO[bytes]) -> Iterator[bytes]:

@@ -25,14 +25,11 @@ if TYPE_CHECKING:
 
 
 FORMAT = "gmwm-session"
-LONGEST = 1_000_000
-"""Largest length of a session."""
+LONGEST = 1_000_000  # largest length of a session
 _DOCUMENT = Document("session", "Save it again with the button session.json of the app.")
-VERSION = 1
-"""Version of the format. gmwm reads only this version."""
+VERSION = 1  # Version of the format. gmwm reads only this version.
 READING = tuple(field.name for field in fields(ReadOptions))
-Curve = Literal["classical", "robust", "both"]
-"""Which estimates of the wavelet variance the tab "Curves" shows."""
+Curve = Literal["classical", "robust", "both"]  # which estimates of the wavelet variance the tab "Curves" shows
 
 _ALLOWED: Mapping[str, Sequence[str]] = {
     "curve": get_args(Curve),
@@ -74,7 +71,10 @@ class Session:
         if self.rule is not None:
             one_of(self.rule, "rule", get_args(Rule))
         for name in ("inflation", "horizon", "duration"):
-            object.__setattr__(self, name, _positive(getattr(self, name), name))
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
+                raise OptionError(argument=name, expected="a positive number", got=value)
+            object.__setattr__(self, name, float(value))
 
     @property
     def options(self) -> ReadOptions:
@@ -172,18 +172,10 @@ class Session:
         return cls.from_dict(content)
 
 
-def _positive(value: Any, name: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e300:
-        raise OptionError(argument=name, expected="a positive number", got=value)
-    return float(value)
+EMPTY = Session()  # a session without a recording
 
 
-EMPTY = Session()
-"""A session without a recording."""
-
-
-FOLDER = "results"
-"""Folder for results in the commands."""
+FOLDER = "results"  # folder for results in the commands
 
 
 def shell_lines(session: Session) -> list[str]:

@@ -374,7 +374,9 @@ def calibrate_fleet(
 ) -> Fleet:  # fmt: skip
     """Calibrate a fleet; see `fleet`. The options are already checked. Helpers that are idle calibrate units, and this
     process, which waits for them, calls `meanwhile` once."""
-    _check_axes(options.wanted)
+    allowed = (*AXES, *SI_UNIT)
+    if unknown := [name for name in options.wanted or () if name not in allowed]:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(allowed)}", got=unknown[0])
     if reading.format is not None:
         find_reader(Path(), reading.format)
     unit_options = UnitOptions(options, reading)
@@ -496,13 +498,6 @@ def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOption
         expected = f"a mapping with the keys {', '.join(names)}"
         raise OptionError(argument="reading", expected=expected, got=unknown[0])
     return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
-
-
-def _check_axes(names: tuple[str, ...] | None) -> None:
-    """Check that names are axes or sensors."""
-    allowed = (*AXES, *SI_UNIT)
-    if unknown := [name for name in names or () if name not in allowed]:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(allowed)}", got=unknown[0])
 
 
 def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:

@@ -43,13 +43,11 @@ UNIT_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "
 """Symbols of single units. They are used only if there are at most as many units as symbols."""
 HALF_STRIP = 0.4
 """Half of the width of the strip that shows one axis. The centres of neighbouring strips have the distance 1."""
-COLUMNS = 3
 NAMED, LETTERS = 3, 14
 """Largest number of named outliers in a panel, and letters of a name. Pinned by tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of the name of an outlier, and width of each of its letters, as fractions of the panel."""
-ROW, BELOW = 52.0, 22.0
-"""Height (mm) of a row of panels, and of the legend."""
+ROW, BELOW = 52.0, 22.0  # height (mm) of a row of panels, and of the legend
 
 
 @drawing
@@ -82,7 +80,7 @@ def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> F
     rows: list[tuple[Panel | None, ...]] = []
     for sensor, symbols in groups.items():
         panels: list[Panel | None] = [_panel(sensor, of, statistics, reading.units) for of in symbols.values()]
-        width = min(COLUMNS, max(map(len, groups.values())))
+        width = min(3, max(map(len, groups.values())))
         panels += [None] * (-len(panels) % width)
         rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
     odd = len({outlier.unit for outlier in statistics.outliers})

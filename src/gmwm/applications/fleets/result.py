@@ -406,8 +406,7 @@ class Fleet(Summarised, Plotted):
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
         """Load a fleet from an output `folder` of `gmwm.fleet` or of the command `gmwm fleet`.
 
-        Another folder, another version, or a folder without a completed run raises a ReadError.
-        """
+        Another folder, another version, or a folder without a completed run raises a ReadError."""
         where = Path(folder)
         facts = read_facts(where)
         table = read_table(where / TABLE)

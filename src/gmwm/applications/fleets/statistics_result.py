@@ -103,7 +103,14 @@ def of_units(table: polars.DataFrame, units: int, failed: int) -> Iterator[Remar
 def _remarks(found: FleetStatistics) -> Iterator[Remark]:
     sensors = {sensor_of(row.axis) for row in found.rows}
     single = [row for row in found.rows if row.axis not in sensors]
-    yield from _of_outliers(found, single)
+    units = list(dict.fromkeys(outlier.unit for outlier in found.outliers))
+    for unit in units:
+        yield Remark.of("units-outlying", unit, case="units", count=len(units))
+    if not units and any(row.searched for row in single):
+        yield Remark.of("check-passed", case="fleet", size=found.size)
+    # If a tenth of the units are outliers, the search ended at its limit (outlier_units.SHARE).
+    many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
+    yield from _each("units-outlying", many, single, case="many")
     if 1 < found.units <= LEAST_UNITS:
         yield Remark.of("few-units", case="fleet", units=found.units)
     for count in range(1, LEAST_UNITS):
@@ -127,17 +134,6 @@ def _remarks(found: FleetStatistics) -> Iterator[Remark]:
             yield Remark.of("axes-differ", f"{difference.symbol} of {difference.sensor}")
     if any(row.predicted_high is not None for row in found.rows):
         yield Remark.of("uncalibrated-unit")
-
-
-def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
-    units = list(dict.fromkeys(outlier.unit for outlier in found.outliers))
-    for unit in units:
-        yield Remark.of("units-outlying", unit, case="units", count=len(units))
-    if not units and any(row.searched for row in single):
-        yield Remark.of("check-passed", case="fleet", size=found.size)
-    # If a tenth of the units are outliers, the search ended at its limit (outlier_units.SHARE).
-    many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
-    yield from _each("units-outlying", many, single, case="many")
 
 
 def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:

@@ -208,8 +208,7 @@ class Monitor(OneAtATime):
     def heights(self) -> dict[str, dict[str, float]]:
         """Return the largest values of the chart statistics during the last update, as fractions of their thresholds.
 
-        The keys are the axes and, for each axis, the families of charts.
-        """
+        The keys are the axes and, for each axis, the families of charts."""
         return {axis: monitored.charts.heights() for axis, monitored in self._axes.items()}
 
     @one_at_a_time
@@ -446,8 +445,7 @@ class Monitor(OneAtATime):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Create a monitor that continues from the `content` that `to_dict` returned, also after a trip through JSON.
 
-        Other content raises a ReadError.
-        """
+        Other content raises a ReadError."""
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
         try:

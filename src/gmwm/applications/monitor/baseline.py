@@ -328,7 +328,9 @@ def baselines(
     Parameters
     ----------
     calibration : Calibration, or mapping of axis to Fit or Model
-        The noise models. recording : Imu or Stream The reference recording. Its first 2.1 million samples are used.
+        The noise models.
+    recording : Imu or Stream
+        The reference recording. Its first 2.1 million samples are used.
     axes : sequence of str, optional
         The axes; all axes of the calibration by default.
 

@@ -80,7 +80,10 @@ def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 
     states = np.concatenate([[0.0], (np.arange(cells) + 0.5) * width])
     # All rows are values of one function: the probability of an increment below each multiple of half a cell.
     places = np.asarray(0.5 * width * np.arange(-2.0 * cells, 2 * cells + 1), dtype=np.float64)
-    below = _increment_cdf(places, shape, ratio)
+    slope = 1.0 - 1.0 / ratio
+    y = np.maximum((places / shape + math.log(ratio)) / slope, 0.0)
+    probability = scipy.special.gammainc(shape, y * shape) if slope > 0 else scipy.special.gammaincc(shape, y * shape)
+    below = np.asarray(probability, dtype=np.float64)
     twice = np.rint(2.0 * states / width).astype(np.int64)
     edges = 2 * np.arange(cells + 1) + 2 * cells
     cumulative = below[edges[None, :] - twice[:, None]]
@@ -88,14 +91,6 @@ def noise_run_length(threshold: float, shape: float, ratio: float, cells: int = 
     moves[:, 1:] = np.diff(cumulative, axis=1)
     moves[:, 0] = cumulative[:, 0]
     return float(np.linalg.solve(np.eye(cells + 1) - moves, np.ones(cells + 1))[0])
-
-
-def _increment_cdf(values: Vector, shape: float, ratio: float) -> Vector:
-    """Return the probability that an increment l is at most `values`."""
-    slope = 1.0 - 1.0 / ratio
-    y = np.maximum((values / shape + math.log(ratio)) / slope, 0.0)
-    probability = scipy.special.gammainc(shape, y * shape) if slope > 0 else scipy.special.gammaincc(shape, y * shape)
-    return np.asarray(probability, dtype=np.float64)
 
 
 def spike_limit(run_length: float) -> float:

@@ -104,8 +104,7 @@ class Trace(Plotted):
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write a report with the result, the events and the plots as one HTML page, and return its path.
 
-        If `path` does not end in .html, or another error occurs, no file is written.
-        """
+        If `path` does not end in .html, or another error occurs, no file is written."""
         from gmwm.applications.monitor.plot import monitor_report
 
         return monitor_report(self, path)

@@ -131,8 +131,7 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
         """Return a table that compares this budget with an `other`: the errors at the end, and their ratios.
 
         `labels` are the names of the two budgets. If they have no error in common, or differ in duration, time at rest
-        or latitude, an OptionError is raised.
-        """
+        or latitude, an OptionError is raised."""
 
         return comparison(self, other, labels)
 
@@ -173,7 +172,11 @@ _KINDS = {
 
 def summary(budget: Budget) -> str:
     """Return the text of `Budget.summary`."""
-    lines = [headline(budget), start(budget), "", *_after(budget)]
+    growths = budget.growths.values()
+    interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
+    rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
+    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
+    lines = [headline(budget), start(budget), "", *_table(rows)]
     if len(budget.times) > 1:
         lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
     if budget.alignment:
@@ -241,14 +244,6 @@ def terms_text(one: Growth, k: int = -1) -> str:
     parts = sorted(((float(values[k]), label) for label, values in merged_terms(one).items()), reverse=True)
     named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
     return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
-
-
-def _after(budget: Budget) -> list[str]:
-    growths = budget.growths.values()
-    interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
-    rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
-    rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
-    return _table(rows)
 
 
 def _growth(budget: Budget) -> list[str]:

@@ -154,8 +154,7 @@ class JointFit(Summarised, Plotted):
     def proved(self) -> bool:
         """Whether the bound proves that no other parameter values of the model lower the objective by more than 0.2 %.
 
-        False without a bound.
-        """
+        False without a bound."""
         return self.lower_bound is not None and self.lower_bound >= (1 - 2 * LARGEST_GAP) * self.objective
 
     def _place(self, term: str) -> int:
@@ -247,8 +246,7 @@ class JointFit(Summarised, Plotted):
 
         The statistic is the weighted sum of squared residuals of a fit that does not require positive semidefinite
         matrices. Its p-value is slightly larger than that of a chi-square variable, because the moments of coarse
-        levels are skewed.
-        """
+        levels are skewed."""
         return fitting.misfit(self.settled)
 
     def shared(self, term: str) -> SharedTerm:

@@ -161,8 +161,7 @@ class CrossCovariance(FrozenArrays, Summarised, Plotted, Tabular):
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, lists and strings.
 
-        The key of a pair is a string such as "gyro_x gyro_y". NaN becomes None.
-        """
+        The key of a pair is a string such as "gyro_x gyro_y". NaN becomes None."""
         return {
             **plain_fields(self, "axes units rate samples size confidence efficiency levels tau variance"),
             "pairs": {

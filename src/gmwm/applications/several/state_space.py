@@ -258,21 +258,17 @@ def _tracks(
     for label in (level, BIAS):
         tracks[label][0][:] += record.centre
     if white := [term for term in model.terms if term not in terms]:
-        tracks[white[0]] = _white(smoother, record, space, k)
+        # Mean and variance (N,) of white noise, what other terms leave; 0 and the model's for missing samples.
+        mean, variance = smoother.track(space.H[k], k)
+        present = np.isfinite(record.values)
+        noise = np.where(present, record.values, 0.0) - np.where(present, mean + record.centre, 0.0)
+        tracks[white[0]] = noise, np.where(present, variance, space.R[k, k])
     order = [label for label in (*model.terms, LEVEL, BIAS) if label in tracks]
     return Tracks(
         kind="smooth", model=model, rate=record.rate, unit=record.unit, axis=record.axis, times=record.times,
         data=record.values.copy(), mean={label: tracks[label][0] for label in order},
         error={label: np.sqrt(np.maximum(tracks[label][1], 0.0)) for label in order},
     )  # fmt: skip
-
-
-def _white(smoother: _Smoother, record: Record, space: JointStateSpace, k: int) -> tuple[Vector, Vector]:
-    """Return mean and variance (N,) of white noise, what other terms leave; 0 and the model's for missing samples."""
-    mean, variance = smoother.track(space.H[k], k)
-    present = np.isfinite(record.values)
-    noise = np.where(present, record.values, 0.0) - np.where(present, mean + record.centre, 0.0)
-    return noise, np.where(present, variance, space.R[k, k])
 
 
 class _Smoother:

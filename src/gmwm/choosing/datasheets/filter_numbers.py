@@ -21,13 +21,11 @@ from gmwm.theory.statespace import StateSpace
 
 _LEGENDRE = leggauss(12)
 """Nodes and weights of the Gauss-Legendre rule of each panel, which integrates one period of a cosine within 1e-12."""
-_FIRST = 1e-14
-"""Lowest angular frequency (rad per sample) of a panel; below, power laws are integrated in closed form."""
+_FIRST = 1e-14  # lowest angular frequency (rad per sample) of a panel; below, power laws are integrated in closed form
 _COARSE, _FINE = 4.0, 2**0.25
 """Ratios of the ends of a panel at low frequencies, and above `_RESONANT`, where the spectrum may have resonances."""
 _RESONANT = 0.01  # angular frequency (rad per sample) above which the panels are narrow enough to detect resonances
-_PERIODS = 76
-"""Periods 2π/n of a mean of n samples with panels of their own; above, the oscillating part is negligible."""
+_PERIODS = 76  # periods 2π/n of a mean of n samples with panels of their own; above, the oscillating part is negligible
 _FADE, _WIDTH = 300.0, 30.0
 """Centre and width (rad) of the smooth transition to frequencies at which the oscillating part is left out."""
 

@@ -35,8 +35,6 @@ from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout
 from gmwm.recording.options import TIME_NAMES
 
-_MIDDLE = 2**15  # middle of the range of counts of 16 bits
-
 
 def multiply(
     layout: Layout, choice: ColumnChoice, factors: Mapping[str, float], increments: Sequence[str],
@@ -65,7 +63,7 @@ def multiply(
 def offset_counts(axes: Sequence[str], values: Mapping[str, Vector]) -> bool:
     """Return whether numbers are unsigned 16-bit counts: two axes with means within 10 % of the middle of the range."""
     means = [float(np.mean(values[axis])) for axis in axes]
-    near = sum(abs(mean / _MIDDLE - 1) < 0.1 for mean in means)  # a wide band: the counts of biases are far smaller
+    near = sum(abs(mean / 2**15 - 1) < 0.1 for mean in means)  # a wide band: the counts of biases are far smaller
     return near >= min(2, len(axes)) and all(
         np.array_equal(np.rint(values[axis]), values[axis]) and values[axis].min() >= 0 and values[axis].max() < 2**16
         for axis in axes
@@ -139,14 +137,10 @@ def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float)
 
 def _reading(unit: str, density: float) -> str:
     """Describe a noise density (deg/s/√Hz), and the gyroscopes that have it."""
-    parts = _parts(density)
+    # The usual gyroscopes with a noise density (deg/s/√Hz); "" if there are none.
+    parts = next((parts for low, high, parts in _TYPICAL if low <= density < high), "")
     typical = f"typical of {parts}" if parts else "which no usual gyroscope has"
     return f"{density:.3g} deg/s/√Hz ({60 * density:.3g} deg/√h) if it is {unit}, {typical}"
-
-
-def _parts(density: float) -> str:
-    """Return the usual gyroscopes with a noise density (deg/s/√Hz); "" if there are none."""
-    return next((parts for low, high, parts in _TYPICAL if low <= density < high), "")
 
 
 def _quiet_density(samples: Vector, rate: float) -> float:

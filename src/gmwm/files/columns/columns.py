@@ -50,7 +50,12 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> ColumnChoice:
     exhaustive = not {*declared} <= {"time", "temperature"}
     roles = {"time", "temperature"} if exhaustive else set(ROLES)
     if not layout.named and not declared:
-        raise _nameless(layout, path)
+        raise ReadError(
+            f"{path} has {len(layout.channels)} columns without names; the first row is {_first_cells(layout)}",
+            code="columns-unnamed",
+            advice="Name the columns in their order, for example {--columns=@example}.",
+            example=_guess(layout),
+        )
     named, remarks = _by_name(layout, roles - set(requested), set(declared.values()), path)
     chosen = ColumnChoice(declared | named, remarks)
     return _check_choice(chosen, layout, path, exhaustive=not {*requested} <= {"time", "temperature"})
@@ -218,16 +223,6 @@ def _is_gravity(cells: Sequence[str]) -> bool:
     except ValueError:
         return False
     return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
-
-
-def _nameless(layout: Layout, path: Path) -> ReadError:
-    """Make the error for columns without names, with the first row and an example of the option."""
-    return ReadError(
-        f"{path} has {len(layout.channels)} columns without names; the first row is {_first_cells(layout)}",
-        code="columns-unnamed",
-        advice="Name the columns in their order, for example {--columns=@example}.",
-        example=_guess(layout),
-    )
 
 
 def _guess(layout: Layout) -> str:

@@ -116,7 +116,15 @@ class DataflashReader(Reader):
         """Return one recording for each sensor: IMU_0 (preferred), IMU_1 …; GYR_0, ACC_0 … for raw samples."""
         summary = _LogSummary()
         for message, table in _messages(path, summary):
-            _count(summary, message, table)
+            names = message.fields.names or ()
+            for instance in np.unique(table["I"]).tolist() if "I" in names else [-1]:
+                rows = table if instance < 0 else table[table["I"] == instance]
+                key = (message.number, int(instance))
+                recording = summary.recordings.setdefault(
+                    key, _LogRecording(message.name, int(instance), names, message.number)
+                )
+                times = rows[recording.stamp]
+                recording.add(rows.size, int(times[0]), int(times[-1]), "T" in names and bool(np.any(rows["T"])))
         return _layouts(summary.recordings, summary.damaged, path)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
@@ -130,17 +138,6 @@ class DataflashReader(Reader):
 
 def _numbers(column: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(column, dtype=np.int64 if column.dtype.kind in "iu" else np.float64)
-
-
-def _count(found: _LogSummary, message: _DataflashMessage, table: NDArray[Any]) -> None:
-    """Add the messages of a block to the summary."""
-    names = message.fields.names or ()
-    for instance in np.unique(table["I"]).tolist() if "I" in names else [-1]:
-        rows = table if instance < 0 else table[table["I"] == instance]
-        key = (message.number, int(instance))
-        recording = found.recordings.setdefault(key, _LogRecording(message.name, int(instance), names, message.number))
-        times = rows[recording.stamp]
-        recording.add(rows.size, int(times[0]), int(times[-1]), "T" in names and bool(np.any(rows["T"])))
 
 
 def _messages(path: Path, found: _LogSummary, only: str = "") -> Iterator[tuple[_DataflashMessage, NDArray[Any]]]:

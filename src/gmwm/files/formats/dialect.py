@@ -303,7 +303,10 @@ def _header(
     for line in reversed(comments):
         if names and units:
             break
-        cells = _comment_cells(line, columns, delimiter)
+        # The cells of a comment that has one cell for each column; otherwise an empty list.
+        text = line.strip()[len(comment_sign(line)) :].strip()
+        text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
+        cells = _cells(text, columns, delimiter)
         if cells and not units and all(is_unit(cell) for cell in cells):
             units = tuple(cells)
         elif cells and not names and any(recognise(cell).axis for cell in cells):
@@ -330,13 +333,6 @@ def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
         group = clean(above) or group
         joined.append(f"{group} {name}".strip())
     return tuple(joined) if _axes(joined) else names
-
-
-def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """Return the cells of a comment that has one cell for each column; otherwise an empty list."""
-    text = line.strip()[len(comment_sign(line)) :].strip()
-    text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
-    return _cells(text, columns, delimiter)
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:

@@ -29,7 +29,6 @@ from gmwm.files.formats.arrays import (
 from gmwm.files.formats.byte_sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
-_DEPTH = 8
 _SHORT, _DESCRIPTION = 256, 1 << 14  # bytes of an attribute
 _NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
 
@@ -72,9 +71,9 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
             continue
         node = group.get(key)
         name = f"{where}/{key}" if where else key
-        if len(found) > MAX_ARRAYS or depth > _DEPTH:
+        if len(found) > MAX_ARRAYS or depth > 8:
             raise ReadError(
-                f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}",
+                f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than 8",
                 code="too-many",
                 advice="Save only the arrays of the recording.",
             )

@@ -33,24 +33,22 @@ from gmwm.files.formats.arrays import (
 from gmwm.files.formats.byte_sources import require_ratio
 from gmwm.files.formats.hdf5 import MAGIC, arrays_in
 
-_HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _CHAR = 2, 4
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
-_PIECE = 1 << 14  # compressed bytes at a time: they decompress to at most 16 MB
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the name ("structure/field") and the value of each numeric matrix and each string in a file."""
     # The file is not memory-mapped: if a mapped file is truncated while it is read, the process is killed.
     data = memoryview(path.read_bytes())
-    head = bytes(data[:_HEADER])
-    if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
+    head = bytes(data[:128])
+    if len(head) < 128 or head[126:128] not in (b"IM", b"MI"):
         raise damage_error(f"{path} is not a complete MATLAB file: its header is truncated or damaged", "incomplete")
     order = "<" if head[126:128] == b"IM" else ">"
     packed = unpacked = 0
-    at = _HEADER
+    at = len(head)
     while at < len(data):
         element = _element(data, at, order, path)
         at = element.end
@@ -163,10 +161,10 @@ def _text(data: memoryview) -> str:
 def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
     """Decompress an element, and check the total size of all elements so far."""
     unpacker = zlib.decompressobj()
-    out = bytearray()
+    out, piece = bytearray(), 1 << 14  # compressed bytes at a time: they decompress to at most 16 MB
     try:
-        for start in range(0, len(data), _PIECE):
-            out += unpacker.decompress(data[start : start + _PIECE])
+        for start in range(0, len(data), piece):
+            out += unpacker.decompress(data[start : start + piece])
             require_ratio(unpacked + len(out), packed + len(data), path)
     except zlib.error as error:
         raise damage_error(f"{path} is damaged ({error})") from error

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 _STAMP = re.compile(r"(.*)\.(?:sec|secs|seconds)")
 _FRACTIONS = ("nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds")
-_ELEMENTS = 9  # numbers of a list that become columns, as in a covariance
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,8 @@ class JsonType:
             ) from error  # fmt: skip
         long = re.search(rb"(?<![\d.])\d{16,19}(?![\d.])", b"\n".join(messages[:10])) is not None
         lists = re.findall(rb"\[([^\[\]{}]*)\]", b" ".join(messages[:10]))
-        elements = min(max((part.count(b",") + 1 for part in lists), default=0), _ELEMENTS)
+        # At most 9 numbers of a list become columns, as many as a covariance has.
+        elements = min(max((part.count(b",") + 1 for part in lists), default=0), 9)
         return cls(pl.Schema({name: _plain(kind, long) for name, kind in schema.items()}), elements)
 
     def leaves(self) -> tuple[str, ...]:

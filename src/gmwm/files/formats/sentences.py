@@ -182,7 +182,7 @@ class _SentenceFormat(Reader):
                 raise _unknown_type(path, name, fields)
             units, scales, increments = scale.units, scale.sizes, scale.increments
             program = f"{program} of {scale.name}"
-        if not _is_time(stamp) or kind.time:
+        if not (is_stamp(stamp) or re.fullmatch(r"\d+(\.\d+)?", stamp) is not None) or kind.time:
             stamp = ""
         channels = []
         if kind.time or stamp:
@@ -264,10 +264,6 @@ def _checksum(text: bytes, digits: int) -> int:
     while bits >= 8:  # the XOR of both halves
         total, bits = total ^ (total >> bits), bits // 2
     return total & 0xFF
-
-
-def _is_time(text: str) -> bool:
-    return is_stamp(text) or re.fullmatch(r"\d+(\.\d+)?", text) is not None
 
 
 def _field(kind: Sentence, role: str) -> int:

@@ -1,8 +1,7 @@
 """Read position series, one value a day, week or month: tenv3, .pos, PSMSL, and tables with dates.
 
 Days and months get equal intervals. Sources: README of tenv3 (Nevada Geodetic Laboratory);
-header of the .pos files of UNAVCO; PSMSL, "Format of monthly data".
-"""
+header of the .pos files of UNAVCO; PSMSL, "Format of monthly data"."""
 
 from __future__ import annotations
 

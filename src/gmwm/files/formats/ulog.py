@@ -19,7 +19,6 @@ from gmwm.base.remarks import Remark
 from gmwm.files.contract import Channel, Layout, Reader, Rows, register
 
 SIGNATURE = b"ULog\x01\x12\x35"
-_HEADER = 16
 _BLOCK = 4 << 20
 _FORMAT, _FLAGS, _ADD, _DATA, _DROPOUT = b"FBADO"
 _OTHER = frozenset(b"IMPQLCSR")
@@ -62,9 +61,9 @@ class Log:
 
     def tables(self, names: tuple[str, ...]) -> Iterator[tuple[UlogMessage, Table]]:
         """Read the file, and yield the messages with the wanted names as tables, one for each message and block."""
-        tail, begin = b"", _HEADER
+        tail, begin = b"", 16  # bytes of the header
         with self.path.open("rb") as file:
-            if len(file.read(_HEADER)) < _HEADER:
+            if len(file.read(begin)) < begin:
                 raise self._damage("it is too short for a log")
             while data := file.read(_BLOCK):
                 block = tail + data

@@ -141,8 +141,7 @@ class Plan(FrozenMappings, Summarised, Plotted):
     def horizon(self) -> float:
         """Length (s) of the longest recording that `needed` considers.
 
-        It is shorter if the covariance of a process is a sum over all lags, which would take too long.
-        """
+        It is shorter if the covariance of a process is a sum over all lags, which would take too long."""
         far = min(LONGEST_SEARCH_RATIO * self.duration, LONGEST_PLAN_SAMPLES / self.rate)
         if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
@@ -209,8 +208,7 @@ class Plan(FrozenMappings, Summarised, Plotted):
         """Format a table of the plan.
 
         It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the planned duration, and
-        the length of a recording that gives it a relative standard error of `accuracy`.
-        """
+        the length of a recording that gives it a relative standard error of `accuracy`."""
         lengths_needed, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST_PLAN_SAMPLES / self.rate]

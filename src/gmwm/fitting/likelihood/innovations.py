@@ -104,8 +104,7 @@ class Residuals(FrozenArrays, Summarised, Plotted):
     def acf_error(self, lags: int | None = None) -> Vector:
         """Return the standard deviation (L,) that the autocorrelation of white noise has at lags 1 … L.
 
-        At each lag it is √m/N, where m is the number of pairs of observed samples at this lag.
-        """
+        At each lag it is √m/N, where m is the number of pairs of observed samples at this lag."""
         return np.sqrt(observed_pairs(self.values, self._as_lags(lags))) / self.observed.size
 
     def ljung_box(self, lags: int | None = None) -> Check:

@@ -339,19 +339,15 @@ def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tupl
     beta, covariance, square = np.empty(0), np.empty((0, 0)), float(sums[0, 0])
     value = -0.5 * (count * math.log(2 * math.pi) + logs)
     if size > 1:
-        covariance = _inverse(sums[1:, 1:])
+        gram = sums[1:, 1:]
+        scale = 1.0 / np.sqrt(np.diag(gram))
+        covariance = np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
         beta = covariance @ sums[1:, 0]
         square -= float(beta @ sums[1:, 0])
         flat = [k for k, r in enumerate(wanted) if r.flat]
         if flat:
             value -= 0.5 * float(np.linalg.slogdet(sums[1:, 1:][np.ix_(flat, flat)])[1])
     return value - 0.5 * square, RegressionEstimate(labels, beta, covariance)
-
-
-def _inverse(gram: Matrix) -> Matrix:
-    """Invert a Gram matrix whose rows may differ in size by many powers of ten."""
-    scale = 1.0 / np.sqrt(np.diag(gram))
-    return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
 def standardise(problem: LikelihoodProblem, model: Model) -> tuple[Vector, int]:

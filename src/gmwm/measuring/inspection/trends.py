@@ -237,7 +237,6 @@ _GAIN = 20.0
 _MATTERS = 1.1  # smallest ratio of K, as if the swing were noise, to the upper 95 % limit of K without it
 
 
-DAY_S = 86400.0  # period (s) of the change from day to night
 _DAYS, _HARMONICS = 3.0, 3
 """Smallest number of days in which a daily cycle differs from a random walk, and number of harmonics to try."""
 
@@ -300,7 +299,7 @@ def swing_of(
     if y.size < FEWEST or not np.any(np.diff(y)):
         return None
     likelihood = BlockMeans(y)
-    periods = y.size * length / extent.rate / DAY_S
+    periods = y.size * length / extent.rate / 86400.0  # of day and night
     fit, harmonics = likelihood.swing, 1
     if periods >= _DAYS:
         day = _fit_of(likelihood, periods * np.arange(1.0, _HARMONICS + 1))

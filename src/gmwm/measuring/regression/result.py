@@ -250,8 +250,7 @@ class Regression(FrozenArrays, Documented, Summarised, Plotted, Mapping[str, Coe
 
         A regression also removes a share 1 − `kept` of the noise, mostly at the coarsest levels. The variance of each
         level is divided by the remaining share, and its relative covariance is increased accordingly. From the first
-        level on at which less than half of the noise is left, the levels are dropped.
-        """
+        level on at which less than half of the noise is left, the levels are dropped."""
         # A smaller share of noise left drops this and all coarser levels (docs/validation/regression.md).
         limit = 0.5
         shares = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]

@@ -141,8 +141,7 @@ class SpectrumAccumulator(OneAtATime):
     def merge(self, following: SpectrumAccumulator) -> SpectrumAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
-        """
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options."""
         require_following(self, following, "rate", "length", "detrend", "unit")
         self._fold()
         following._fold()
@@ -152,8 +151,7 @@ class SpectrumAccumulator(OneAtATime):
     def beside(self, other: SpectrumAccumulator) -> SpectrumAccumulator:
         """Return an accumulator of this recording and an independent recording `other`, with the same options.
 
-        No block has samples of both. The result has the sampling rate of this recording.
-        """
+        No block has samples of both. The result has the sampling rate of this recording."""
         self.gap()
         other.gap()
         return self._join(other)
@@ -162,8 +160,7 @@ class SpectrumAccumulator(OneAtATime):
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
         """Return the power spectral density so far, with limits at the level `confidence`; more samples may follow.
 
-        Raises DataError if no segment without a gap is as long as one block.
-        """
+        Raises DataError if no segment without a gap is as long as one block."""
         self._fold()
         longest = max(self._segments, default=0)
         # Smallest number of samples without a gap, three blocks of the shortest length.

@@ -18,8 +18,7 @@ from gmwm.measuring.spectrum.welch import HALF_POWER_WIDTH
 
 FIRST_BIN = 2
 """First bin that is used. The subtraction of the mean affects the bins 0 and 1, because of the Hann window."""
-NEAR, FAR = 4, 19
-"""Distances (bins) of the flanks of a line: 16 bins outside the four of the Hann window."""
+NEAR, FAR = 4, 19  # distances (bins) of the flanks of a line: 16 bins outside the four of the Hann window
 LEAST_FLANK = 6  # smallest number of bins of a flank; with fewer, the frequency is too close to zero for the test
 INNER, OUTER = 2, 8
 """A peak is narrow if the excess at 3 to 8 bins from it is less than half of the excess within 2 bins."""

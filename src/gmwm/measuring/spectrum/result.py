@@ -124,8 +124,7 @@ class PowerSpectrum(Documented, Summarised, Plotted, Tabular):
 
         At low frequencies, and within six bins of a line, every frequency is kept. A bump has eight bins per width. The
         frequency 0, which contains the mean of the signal, and the last frequency are left out. `Calibration` stores
-        this spectrum, and plots show it. `per_octave` is the number of bins per octave, at least 1.
-        """
+        this spectrum, and plots show it. `per_octave` is the number of bins per octave, at least 1."""
         as_whole_number(per_octave, "per_octave", 1)
         if self.frequencies[0] != 0:
             raise DataError("the spectrum is already smoothed", argument="spectrum", got=self)

@@ -92,8 +92,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
         """Merge this part with the part that directly follows it, into a new accumulator.
 
-        Raises OptionError if `following` does not begin where this part ends, or was made with other options.
-        """
+        Raises OptionError if `following` does not begin where this part ends, or was made with other options."""
         require_following(self, following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
         joint.axis = self.axis or following.axis

@@ -13,8 +13,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import Integers, Vector
 from gmwm.measuring.variance.phase import inner_product
 
-LARGEST_FINITE = 100
-"""Largest cluster size times d + 1 with the sampled covariance; beyond, that of continuous time."""
+LARGEST_FINITE = 100  # largest cluster size times d + 1 with the sampled covariance; beyond, that of continuous time
 
 
 def degrees_of_freedom(
@@ -56,7 +55,12 @@ def _of_one_noise(alpha: int, m: Integers, points: int, d: int, overlapping: boo
     estimates = 1.0 + np.floor(stride * (points - length) / m)
     clusters = estimates / stride
     if alpha == 2 and not modified:
-        return _white_phase(estimates, clusters, d)
+        # The edf for white PM, whose differences k clusters apart have the correlation C(2d, d − k)/C(2d, d).
+        square = np.ones(estimates.size)
+        for k in range(1, d + 1):
+            rho = comb(2 * d, d - k) / comb(2 * d, d)
+            square += 2 * rho**2 * np.maximum(1 - k / clusters, 0.0)
+        return np.asarray(estimates / square)
 
     # Nodes 0 … terms of the sum, with `density` nodes per cluster.
     terms = np.minimum(estimates, (d + 1) * stride)
@@ -85,15 +89,6 @@ def _of_one_noise(alpha: int, m: Integers, points: int, d: int, overlapping: boo
     return np.asarray(total * at_zero**2 / total_square)
 
 
-def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
-    """Compute the edf for white PM, whose differences k clusters apart have the correlation C(2d, d − k)/C(2d, d)."""
-    square = np.ones(estimates.size)
-    for k in range(1, d + 1):
-        rho = comb(2 * d, d - k) / comb(2 * d, d)
-        square += 2 * rho**2 * np.maximum(1 - k / clusters, 0.0)
-    return np.asarray(estimates / square)
-
-
 def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: bool) -> Vector:
     """Compute s_z(t) up to a factor, as the difference of order 2d of s_x with a step of one cluster."""
     result = np.zeros(np.broadcast_shapes(t.shape, filter_factor.shape))
@@ -108,7 +103,13 @@ def _phase_covariance(t: Vector, filter_factor: Vector, alpha: int, modified: bo
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
     if alpha == 1:
-        return _flicker_phase(t * f, f)
+        # S_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|; by its series far from 0.
+        u = t * f
+        far = np.abs(u) > 1000
+        near = np.where(far, 0.0, u)
+        difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)
+        size = np.where(far, np.abs(u), 1.0)
+        return np.asarray(2 * np.log(f) - np.where(far, 2 * np.log(size) + 3 - 1 / (6 * size**2), difference))
     if not modified and alpha == 0:
         return -np.abs(t)
     if not modified and alpha == -2:
@@ -127,15 +128,6 @@ def _kernel(t: Vector, alpha: int) -> Vector:
     if alpha % 2:
         power = power * np.log(np.where(size > 0, size, 1.0))
     return np.asarray(power if (alpha // 2) % 2 == 0 else -power)
-
-
-def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u|; by its series far from 0."""
-    far = np.abs(u) > 1000
-    near = np.where(far, 0.0, u)
-    difference = _square_log(near - 1) + _square_log(near + 1) - 2 * _square_log(near)
-    size = np.where(far, np.abs(u), 1.0)
-    return np.asarray(2 * np.log(f) - np.where(far, 2 * np.log(size) + 3 - 1 / (6 * size**2), difference))
 
 
 def _square_log(u: Vector) -> Vector:

@@ -283,7 +283,14 @@ class SegmentedAccumulator(OneAtATime):
         if self._first is None and not self._lengths:
             self._first = self._last
         else:
-            self._close(self._last)
+            segment = self._last
+            squares, counts = segment.sums(self.levels)
+            self._squares += squares
+            self._counts += counts
+            if self._statistics is not None and self._collector is not None:
+                self._statistics = self._statistics.merge(segment.all_statistics(self._collector))
+            self._lengths.append(segment.count)
+            self._rises += float(segment.count) ** 2 * segment.rise
         self._last = None
 
     def _grow(self, x: Vector) -> None:
@@ -297,16 +304,6 @@ class SegmentedAccumulator(OneAtATime):
             else:
                 self._last = self._last.grown(part, self._collector)
             self._count += part.size
-
-    def _close(self, segment: SegmentState) -> None:
-        """Add the sums of a closed segment to the sums over all closed segments."""
-        squares, counts = segment.sums(self.levels)
-        self._squares += squares
-        self._counts += counts
-        if self._statistics is not None and self._collector is not None:
-            self._statistics = self._statistics.merge(segment.all_statistics(self._collector))
-        self._lengths.append(segment.count)
-        self._rises += float(segment.count) ** 2 * segment.rise
 
 
 def exact_levels(axes: int, memory: int = MEMORY_BYTES, sample_bytes: int = 40) -> int:

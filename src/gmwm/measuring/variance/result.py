@@ -162,8 +162,7 @@ class WaveletVariance(Documented, Summarised, Plotted, Tabular):
         """Equivalent degrees of freedom (Percival 1995): max(M_j / 2^j, 1) for a MODWT, and M_j for a DWT.
 
         For several segments see `pooled_counts`. They are divided by `loss_factor`, and multiplied by the efficiency of
-        a robust estimate. This is conservative, because the efficiency is higher for correlated coefficients.
-        """
+        a robust estimate. This is conservative, because the efficiency is higher for correlated coefficients."""
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
         else:

@@ -27,8 +27,7 @@ LONGEST_AVERAGING_S = 3600.0
 """Default of the longest averaging time (s) in the fit. For a shorter recording, its length is used."""
 LEAST_AVERAGING_RATIO = 4.0  # smallest ratio of the longest averaging time to the horizon
 POINTS = 25  # number of averaging times in the fit, with equal distances in the logarithm
-_TRIED = {1: 80, 2: 16}
-"""Grid size of correlation times by number of states; the best of all combinations is refined."""
+_TRIED = {1: 80, 2: 16}  # grid size of correlation times by number of states; the best of all combinations is refined
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,16 @@ def allan_panel(
     strokes = [OBSERVED] if len(curves) == 1 else [_stroke(name, k) for k, name in enumerate(curves)]
     marks: list[Mark] = []
     for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
-        marks += _marks(curve, view, stroke, name, opacity=0.22 if len(curves) == 1 else 0.15)
+        opacity = 0.22 if len(curves) == 1 else 0.15
+        x, y = view.time(curve.tau), drawable(view.height(curve.variance))
+        lower, upper = band_edges(cast("WaveletVariance", curve), view)
+        # If a curve has many points, symbols at all of them would hide the curve and its band.
+        shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
+        limits = f"{100 * curve.confidence:g} % limits, identified noise"
+        marks += [
+            Polyline(x, y, stroke=shown, label=name, layer=FRONT),
+            Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
+        ]
     marks = curves_then_bands(marks, len(curves))
     # `closed_panel` uses only tau, the variance and its limits. A ClusterVariance has these attributes too.
     measured = cast("Sequence[WaveletVariance]", list(curves.values()))
@@ -101,18 +110,6 @@ def _stroke(name: str, index: int) -> Stroke:
     """Return the stroke of the letter of a name such as "gyro_x" or "x", or stroke number `index` for another name."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
-
-
-def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str, opacity: float) -> list[Mark]:
-    x, y = view.time(curve.tau), drawable(view.height(curve.variance))
-    lower, upper = band_edges(cast("WaveletVariance", curve), view)
-    # If a curve has many points, symbols at all of them would hide the curve and its band.
-    shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
-    limits = f"{100 * curve.confidence:g} % limits, identified noise"
-    return [
-        Polyline(x, y, stroke=shown, label=label, layer=FRONT),
-        Band(x, lower, upper, stroke.colour, opacity=opacity, label=limits, layer=BAND),
-    ]
 
 
 def with_guides(panel: Panel) -> Panel:

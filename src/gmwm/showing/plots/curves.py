@@ -390,8 +390,7 @@ LINEAR, EVEN = 10.0, 100.0
 def plot_recordings(replicates: Replicates, *, path: str | os.PathLike[str] | None = None) -> Figure:
     """Draw the relative difference between the wavelet deviation of each recording and of all recordings together.
 
-    A band shows the range of differences that chance explains.
-    """
+    A band shows the range of differences that chance explains."""
     wv, fit = replicates.fit.wavelet_variance, replicates.fit
     curves = wv.recordings
     ratios = {name: 100 * (np.sqrt(curve.variance[: len(wv)] / wv.variance[: len(curve)]) - 1)

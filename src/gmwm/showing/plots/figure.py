@@ -230,7 +230,14 @@ def drawing(describe: Callable[P, Figure]) -> Callable[P, MatplotlibFigure]:
         places: dict[str, Any] = {name: options.get(name) for name in ("ax", "path")}
         return draw(one_tick_form(describe(*arguments, **options)), **places)
 
-    plot.__doc__ = _documentation(inspect.getdoc(describe) or "", [*inspect.signature(describe).parameters])
+    text = inspect.getdoc(describe) or ""
+    names = [*inspect.signature(describe).parameters]
+    head, *written = re.split(r"\n\n(?=\w+\n---)", text)
+    sections = _SECTIONS | {section.partition("\n")[0]: section for section in written}
+    specific = sections["Parameters"]
+    common = [words for name, words in _OPTIONS.items() if name in names and f"\n{name} : " not in specific]
+    sections["Parameters"] = "\n".join([specific, *common])
+    plot.__doc__ = "\n\n".join([head, *sections.values()]) + "\n"
     return plot
 
 
@@ -238,13 +245,3 @@ def description(plot: Callable[P, MatplotlibFigure]) -> Callable[P, Figure]:
     """Return the function that describes the figure of a plot without Matplotlib, for another renderer or a test."""
     describe: Callable[P, Figure] = vars(plot)["__wrapped__"]
     return describe
-
-
-def _documentation(text: str, names: list[str]) -> str:
-    """Return a docstring with the options that plots share, and with all sections of `_SECTIONS`."""
-    head, *written = re.split(r"\n\n(?=\w+\n---)", text)
-    sections = _SECTIONS | {section.partition("\n")[0]: section for section in written}
-    specific = sections["Parameters"]
-    common = [words for name, words in _OPTIONS.items() if name in names and f"\n{name} : " not in specific]
-    sections["Parameters"] = "\n".join([specific, *common])
-    return "\n\n".join([head, *sections.values()]) + "\n"

@@ -47,8 +47,7 @@ if TYPE_CHECKING:
     from gmwm.fitting.likelihood.result import LikelihoodFit
 
 
-Fitted: TypeAlias = "Fit | LikelihoodFit"
-"""A result that `plot_fit` can draw."""
+Fitted: TypeAlias = "Fit | LikelihoodFit"  # a result that `plot_fit` can draw
 MOST_SINUSOIDS = 2
 """Most sinusoids drawn as separate curves, also in `plots.spectrum` (tests/plots/test_plot_limits.py)."""
 

@@ -24,10 +24,8 @@ _DURATIONS = (
     ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0), ("min", 60.0, 120.0), ("s", 1.0, 0.1), ("ms", 1e-3, 1e-4),
 )  # fmt: skip
 
-LINES, OSCILLATIONS = "Lines", "Oscillations"
-"""Names of the sums of all sinusoids and of all oscillations of an axis."""
-DIGITS = 2
-"""Number of significant digits of parameters in a legend. The summary of the fit has more digits."""
+LINES, OSCILLATIONS = "Lines", "Oscillations"  # names of the sums of all sinusoids and of all oscillations of an axis
+DIGITS = 2  # Number of significant digits of parameters in a legend. The summary of the fit has more digits.
 
 
 def sensor_and_letter(axis: str) -> tuple[str, str]:

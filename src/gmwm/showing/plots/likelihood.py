@@ -247,7 +247,15 @@ def tracks_figure(
     record: bool = True,
 ) -> Figure:  # fmt: skip
     """Return the figure that `plot_tracks` draws: a panel with the record and its bias, and one for each process."""
-    chosen, paths = _as_labels(tracks, labels), _as_truth(tracks, truth)
+    names = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
+    unknown = [label for label in names if label not in tracks.mean]
+    if unknown or not names:
+        raise OptionError(
+            argument="labels",
+            expected=f"one or more of {', '.join(tracks.labels)}",
+            got=unknown[0] if unknown else labels,
+        )
+    chosen, paths = names, _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
     panels: list[Panel] = []
     less = 0.0
@@ -377,18 +385,6 @@ def _less(title: str, amount: float, shown: View) -> str:
 
 def _value_axis(low: float, high: float, tracks: Tracks, shown: View) -> tuple[Axis, float]:
     return scaled_axis(low, high, max(abs(low), abs(high)), name=quantity_name(tracks.unit), unit=shown.unit)
-
-
-def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
-    names = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
-    unknown = [label for label in names if label not in tracks.mean]
-    if unknown or not names:
-        raise OptionError(
-            argument="labels",
-            expected=f"one or more of {', '.join(tracks.labels)}",
-            got=unknown[0] if unknown else labels,
-        )
-    return names
 
 
 def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:

@@ -33,19 +33,12 @@ from gmwm.showing.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
 
 MOST_CURVES = 8
 """Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
-FIRST = replace(IMPLIED, symbol="circle")
-"""Stroke of the recommended candidate."""
+FIRST = replace(IMPLIED, symbol="circle")  # stroke of the recommended candidate
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
-OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)
-"""Stroke of candidates whose curve is not drawn."""
+OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)  # stroke of candidates whose curve is not drawn
 
 EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
 """Value up to which the axis of differences is linear, and largest value for which a whole axis is linear."""
-
-
-def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:
-    others = iter(range(len(drawn)))
-    return [FIRST if c.recommended else _stroke(next(others)) for c in drawn]
 
 
 def _stroke(place: int) -> Stroke:
@@ -141,10 +134,6 @@ def _row_name(candidate: Candidate) -> str:
     return "\n".join(wrap(name, 44, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
-def _score(candidate: Candidate) -> float:
-    return candidate.wic.value if candidate.out_of_sample is None else candidate.out_of_sample
-
-
 def _score_name(candidate: Candidate) -> str:
     return "WIC" if candidate.out_of_sample is None else "Loss out of sample"
 
@@ -175,7 +164,8 @@ def plot_ranking(
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
     drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
-    strokes = _strokes(drawn)
+    others = iter(range(len(drawn)))
+    strokes = [FIRST if c.recommended else _stroke(next(others)) for c in drawn]
     # Candidates that are equivalent to the best one are always drawn (tests/plots/test_plot_ranking.py).
     listed = [c for k, c in enumerate(ranking.distinct) if k < max(10, limit) or c.equivalent or c.recommended]
     rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
@@ -201,13 +191,12 @@ def plot_candidates(
 ) -> Figure:  # fmt: skip
     """Draw the two candidates with the data, and their distances from the data.
 
-    The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn.
-    """
+    The title states the difference of the criteria. With several recordings, the mean wavelet variance is drawn."""
     pair = (comparison.first, comparison.second)
     strokes = [FIRST, _stroke(0)]
     curves = _curves(pair, strokes, view, units)
     names = " against ".join(model_text(c.model.terms) for c in pair)
-    name, scores = _score_name(pair[0]), [_score(c) for c in pair]
+    name, scores = _score_name(pair[0]), [(c.wic.value if c.out_of_sample is None else c.out_of_sample) for c in pair]
     difference = with_minus(f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}")
     title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
     heights = (74.0, 56.0)

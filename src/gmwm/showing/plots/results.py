@@ -249,8 +249,7 @@ def plot_regression(
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
-    band.
-    """
+    band."""
     if units not in ("si", "datasheet"):
         raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
     return single_panel(regression_panel(regression, units=units))

@@ -99,7 +99,6 @@ def _nearest(imu: Imu, axis: str, times: list[float]) -> Integers:
 DOTS_OF_MM = 15.0
 """Horizontal resolution to which long signals are reduced (columns of dots per millimetre), about 400 per inch."""
 LINE_WIDTH_PT = 0.5  # width of the line through a long signal (points)
-FINDINGS_COLUMNS = 5  # columns of the legend of findings
 CLIPPED = "#1b1f24"
 """Colour of the symbols that mark clipped samples."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
@@ -226,8 +225,7 @@ def plot_signal(
 ) -> Figure:
     """Draw the signal over time, with its line broken where samples are missing.
 
-    If the samples are far from zero, their mean is subtracted, and the title states it.
-    """
+    If the samples are far from zero, their mean is subtracted, and the title states it."""
     return Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0)
 
 
@@ -240,8 +238,7 @@ def plot_recording(
 
     If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title states it.
     The axes of a sensor have the same scale, unless a curve would be flat. Symbols mark up to 300 samples of each
-    finding of an `inspection` of the recording, such as clipped, repeated or wrapped samples, knocks and jumps.
-    """
+    finding of an `inspection` of the recording, such as clipped, repeated or wrapped samples, knocks and jumps."""
     findings = {} if inspection is None else samples_of_findings(imu, inspection)
     places = {axis: sensor_and_letter(axis) for axis in imu}
     named = all(sensor for sensor, _ in places.values())
@@ -258,8 +255,8 @@ def plot_recording(
         for letter in letters
     ] or [(panel,) for panel in columns[0].values()]
     labels = len({label for of_axis in findings.values() for label in of_axis})
-    height = 12.0 + row_height(len(rows), 44.0) * len(rows) + 5.0 * math.ceil(labels / FINDINGS_COLUMNS)
-    return Figure(time_once(rows), width=PAGE, height=height, legend_columns=FINDINGS_COLUMNS)
+    height = 12.0 + row_height(len(rows), 44.0) * len(rows) + 5.0 * math.ceil(labels / 5)
+    return Figure(time_once(rows), width=PAGE, height=height, legend_columns=5)
 
 
 @drawing
@@ -269,8 +266,7 @@ def plot_components(
     """Draw the simulated signal over time and, below it, each latent process.
 
     Gravity is subtracted from the signal, and the title states it. All panels have the same scale, unless a curve
-    would be flat.
-    """
+    would be flat."""
     signal, model = simulated.signal, simulated.model
     shown = view_of(signal.unit, "allan", units)
     columns = round(DOTS_OF_MM * PAGE)

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from gmwm.measuring.spectrum import PowerSpectrum
 
-FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
-"""Stroke of the symbol that marks a line in the spectrum."""
+FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")  # stroke of the symbol that marks a line in the spectrum
 BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
 """Stroke of the symbol that marks a bump in the spectrum."""
 

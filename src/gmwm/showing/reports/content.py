@@ -33,8 +33,7 @@ from gmwm.showing.reports import figures
 from gmwm.showing.reports.verdict import Facts, filter_tables, notes, recording_facts, title_of, verdict
 from gmwm.theory.processes.oscillator import name_in_text
 
-Rows = list[list[str]]
-"""Rows of a table below a row of headings; empty if there is nothing to show."""
+Rows = list[list[str]]  # rows of a table below a row of headings; empty if there is nothing to show
 
 
 def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
@@ -102,8 +101,7 @@ def citation() -> dict[str, str]:
     return {"software": software, "method": METHOD, "bibtex": _BIBTEX.format(version=version())}
 
 
-FIRST = "kalibr"
-"""The format that is shown first."""
+FIRST = "kalibr"  # the format that is shown first
 LONGEST_FILE = 40_000
 """Largest number of characters of a file in a report; tests/reports/test_report_page.py limits the size of a report."""
 
@@ -205,8 +203,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")
-"""Pictures of an axis, in the order of the page."""
+PICTURES = ("fit", "distance", "spectrum", "regression", "recordings")  # pictures of an axis, in the order of the page
 
 
 def _pictures(axis: AxisCalibration) -> dict[str, Any]:

@@ -28,7 +28,6 @@ from gmwm.showing.plots.spectrum import spectrum_panel
 from gmwm.showing.plots.style import GRID, curve_stroke, letter_stroke
 from gmwm.theory.processes.model import Model
 
-PIXELS_OF_POINT = 4 / 3  # number of CSS pixels in a point
 POSITION_DIGITS = 6  # number of significant digits of a position, which is more than a screen can show
 
 _SYMBOLS: dict[Symbol, str] = {
@@ -59,7 +58,9 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
         seen.add(mark.label)
         trace |= {"name": safe(mark.label), "legendgroup": safe(group), "showlegend": first, "legendrank": place}
         if first and isinstance(mark, Band) and mark.swatch:
-            drawn.append((mark.layer, trace | _swatch(mark)))
+            drawn.append(
+                (mark.layer, trace | {"x": [None], "y": [None], "fillcolor": _shade(mark.swatch, mark.opacity)})
+            )
             trace["showlegend"] = False
         drawn.append((0 if isinstance(mark, Foot) else mark.layer, trace))
     # Plotly draws later traces in front of earlier traces. The sort is stable.
@@ -144,7 +145,7 @@ def _look(stroke: Stroke) -> dict[str, Any]:
     modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
     look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
     if stroke.width:
-        width = stroke.width * PIXELS_OF_POINT
+        width = stroke.width * (4 / 3)  # CSS pixels
         dash = ",".join(f"{width * part:.3g}px" for part in stroke.dash) or "solid"
         look["line"] = {"color": stroke.colour, "width": _short(width), "dash": dash}
     if stroke.symbol:
@@ -201,11 +202,6 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
         "type": "scatter", "x": xs[:-1], "y": ys[:-1], "mode": "lines", "fill": "toself", "hoverinfo": "skip",
         "fillcolor": _shade(band.colour, band.opacity), "line": {"width": 0, "color": band.colour},
     }  # fmt: skip
-
-
-def _swatch(band: Band) -> dict[str, Any]:
-    """Return the properties of a trace that appears only in the legend and stands for bands of several colours."""
-    return {"x": [None], "y": [None], "fillcolor": _shade(band.swatch, band.opacity)}
 
 
 def _shade(colour: str, opacity: float) -> str:

@@ -237,8 +237,7 @@ class Process(HaarTheory, ABC):
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """Compute the wavelet variance (n, J) of n processes for scale coefficient 1; q may be 0.
 
-        A subclass that has closed forms for some filters calls `super().shape` for the others.
-        """
+        A subclass that has closed forms for some filters calls `super().shape` for the others."""
         numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
         # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
         if filter is HAAR and processes and cls._derives("state_space"):
@@ -305,8 +304,7 @@ class Process(HaarTheory, ABC):
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
         """Return curves that cover the domain of a single nonlinear parameter.
 
-        A fit along them can be proven to be the global optimum. Without curves, starting values come from `scan`.
-        """
+        A fit along them can be proven to be the global optimum. Without curves, starting values come from `scan`."""
         return ()
 
     # --- coordinates of the nonlinear parameters, for a process without `search` ------------------------
@@ -340,8 +338,7 @@ class Process(HaarTheory, ABC):
 
         `occasion` has the data and the other terms, `draws` is the number of draws, and `before` has the nonlinear
         parameters (draws, q) of earlier terms of the same class. By default, the coordinates are uniform over the range
-        of `scan`, and the share of the process in the sum of the wavelet variances is uniform.
-        """
+        of `scan`, and the share of the process in the sum of the wavelet variances is uniform."""
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
         shapes = cls.moments(nonlinear, occasion.levels, occasion.rate, occasion.filter)
@@ -362,8 +359,7 @@ class Process(HaarTheory, ABC):
         """Compute the generalised covariance K(m) of the running sum (u²) at lags m.
 
         It is defined up to a linear function of |m|. For a stationary process K(m) = −½ Var(sum of |m| samples). The
-        Haar wavelet variance is ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ², with τ = 2^j and h = τ/2 samples.
-        """
+        Haar wavelet variance is ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ², with τ = 2^j and h = τ/2 samples."""
         m, rate = np.abs(validation.as_lags(lags)), as_rate(rate)
         self._require("running_sum_covariance")
         if self._derives("state_space"):
@@ -391,8 +387,7 @@ class Process(HaarTheory, ABC):
         """Compute the generalised covariance A(m) in u² at integer `lags` m.
 
         It is defined up to a constant, which wavelet filters remove. For a stationary process A(m) is r(m) or
-        r(m) − r(0), with the autocovariance r; otherwise A(m) = −½ Var(X_{t+m} − X_t).
-        """
+        r(m) − r(0), with the autocovariance r; otherwise A(m) = −½ Var(X_{t+m} − X_t)."""
         self._require("generalised_covariance")
         if self.has("autocovariance"):
             return self.autocovariance(lags, rate)
@@ -404,8 +399,7 @@ class Process(HaarTheory, ABC):
         """Compute the Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
         σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², where K is the `running_sum_covariance`. For n = 2^(j−1) it is twice the
-        Haar wavelet variance ν_j².
-        """
+        Haar wavelet variance ν_j²."""
         n = validation.as_clusters(clusters)
         self._require("allan_variance")
         k0, k1, k2 = (self.running_sum_covariance(factor * n, rate) for factor in (0, 1, 2))
@@ -414,8 +408,7 @@ class Process(HaarTheory, ABC):
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Compute the two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
 
-        S(f) = Δt Σ_k r(k) exp(−2πi f k Δt), Δt = 1/rate; its integral over [−rate/2, rate/2] is the variance.
-        """
+        S(f) = Δt Σ_k r(k) exp(−2πi f k Δt), Δt = 1/rate; its integral over [−rate/2, rate/2] is the variance."""
         self._require("psd")
         rate = as_rate(rate)
         return self.state_space(rate).psd(validation.as_frequencies(frequencies, rate), rate)
@@ -433,8 +426,7 @@ class Process(HaarTheory, ABC):
         """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 if they are Gaussian.
 
         For uniform errors it is −1.2 (Var e)². The squares of the wavelet coefficients then vary less than for a
-        Gaussian signal.
-        """
+        Gaussian signal."""
         return 0.0
 
     def line(self, rate: float) -> tuple[float, float] | None:
@@ -454,8 +446,7 @@ class Process(HaarTheory, ABC):
     ) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Simulate Gaussian sample paths, an array (n,) or (paths, n).
 
-        The default uses the state space if it is exact, and otherwise the autocovariance and circulant embedding.
-        """
+        The default uses the state space if it is exact, and otherwise the autocovariance and circulant embedding."""
         self._require("simulate")
         (n, count), rate, generator = validation.as_paths(n, paths), as_rate(rate), validation.as_rng(rng)
         if self._derives("state_space"):

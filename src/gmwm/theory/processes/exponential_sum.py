@@ -25,8 +25,7 @@ from gmwm.base import _core
 from gmwm.base.arrays import NEGLIGIBLE_EXPONENT, Matrix, Vector
 
 Kernel = tuple[float, float, Vector, Matrix, NDArray[np.uint8]]  # A process as `_core.lag_sums` takes it
-_SERIES = 0.5
-"""|λ| s below which sinh λs − s sinh λ comes from its series, without cancellation, as in the kernel."""
+_SERIES = 0.5  # |λ| s below which sinh λs − s sinh λ comes from its series, without cancellation, as in the kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,11 +206,6 @@ def _piecewise(x: Array, series: Callable[[Array], Any], direct: Callable[[Array
 _EXCESS = _series(lambda k: 1.0 / factorial(2 * k + 1), 1, 10)  # (sinh v − v)/v³ in v²
 
 
-def _decay(v: Array) -> Array:
-    """Compute (1 − e^(−v))/v."""
-    return np.asarray(-np.expm1(-v) / v)
-
-
 def _s(lam: Array) -> Array:
     """Compute 2e^(−λ)(sinh λ − λ)/λ³."""
     return _piecewise(
@@ -227,7 +221,7 @@ def block_variance(lam: float, m: Array) -> Array:
     # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v
     curve = _piecewise(x, lambda x: _polynomial(_CURVE, x), lambda x: np.asarray((np.expm1(-x) + x) / (x * x)))
-    return np.asarray((2.0 * np.exp(-v) * m * m * curve + v * m * _s(v)) / _decay(v) ** 2)
+    return np.asarray((2.0 * np.exp(-v) * m * m * curve + v * m * _s(v)) / np.asarray(-np.expm1(-v) / v) ** 2)
 
 
 _CURVE = _series(lambda n: (-1) ** n / factorial(n), 2, 20)

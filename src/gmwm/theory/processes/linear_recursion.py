@@ -40,8 +40,7 @@ CANCELLING = 0.05
 _FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
 """Largest coordinates of starting values, which are artanh of partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ,
 and tanh 2 = 0.964 for θ and Θ. The estimates are not limited. Pinned by tests/processes/test_arma.py."""
-_BRIEF, _SMALL = 0.3, 1e-4
-"""Moduli below which a root is part of a table, and for the power that divides its amplitude."""
+_BRIEF, _SMALL = 0.3, 1e-4  # moduli below which a root is part of a table, and for the power that divides its amplitude
 
 
 class Lagged(Ordered, abstract=True, listed=False):

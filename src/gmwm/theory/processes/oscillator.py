@@ -25,8 +25,7 @@ from gmwm.theory.statespace import StateSpace
 
 CRITICAL, SHARPEST = 0.5, 1e9
 """Qualities of an oscillator: at ½ it does not oscillate, and 10⁹ periods do not distinguish a sinusoid."""
-PERIODIC_QUALITY = 2.0
-"""Quality of nearly periodic processes: density at low frequencies below a quarter of the peak's."""
+PERIODIC_QUALITY = 2.0  # quality of nearly periodic processes: density at low frequencies below a quarter of the peak's
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Integrates the process noise of a step of ω₀Δt < 1 to all digits."""
 

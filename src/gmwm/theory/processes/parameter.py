@@ -156,8 +156,7 @@ class Parameter:
         """Compute the distance (n,) of each of the `values` (n,) from the nearest end of the domain.
 
         The distance has the unit of the parameter. For a parameter that can be any real number, it is the absolute
-        value, or 1 at zero.
-        """
+        value, or 1 at zero."""
         if self.domain == "between":
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
         size = np.abs(values)
@@ -168,8 +167,7 @@ class Parameter:
 
         Inverse times range from the reciprocal of the duration of the recording to the sampling rate, and other
         positive values from 0.1 to 10. Values between limits cover the central 99.5 % (tanh 3) of the interval, and
-        real numbers range from −2 to 2.
-        """
+        real numbers range from −2 to 2."""
         if self.domain == "positive":
             low, high = (rate / samples, rate) if self.time_power == -1 else (0.1, 10.0)
             return math.log(low), math.log(high)
@@ -179,8 +177,7 @@ class Parameter:
         """Transform values θ to unconstrained coordinates.
 
         The coordinate is ln θ for a positive parameter, artanh of θ rescaled to ±1 for a parameter between limits, and
-        θ for a real number.
-        """
+        θ for a real number."""
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * np.log((values - low) / (high - values)))

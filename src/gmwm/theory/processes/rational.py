@@ -16,7 +16,6 @@ from gmwm.theory.filters import HAAR, WaveletFilter
 from gmwm.theory.processes.parameter import Physical
 
 WHITE_TIME_S = 1.0  # correlation time (s) below which noise is white at τ = 1 s, where IEEE Std 952 defines N
-HALF_POWER = 0.5  # share of the power that defines the bandwidth and the width of a peak
 RESONANCE_RATIO = 2.0
 """Smallest ratio of a maximum of the density to the density at low frequencies for which it is a resonance."""
 _POINTS = 2048
@@ -58,10 +57,10 @@ def _band(density: Density, rate: float) -> dict[str, float]:
     numbers = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
     values, low = density(grid), _at_zero(density)
-    last = int(np.flatnonzero(values >= HALF_POWER * low)[-1])
+    last = int(np.flatnonzero(values >= 0.5 * low)[-1])
     if last < _POINTS - 1:
         # Above the bandwidth, the density stays below half of its value at low frequencies.
-        numbers["f_b"] = _crossing(density, HALF_POWER * low, grid[last], grid[last + 1])
+        numbers["f_b"] = _crossing(density, 0.5 * low, grid[last], grid[last + 1])
     centre = _peak(density, grid, values)
     top = float(density(np.array([centre]))[0])
     if top >= RESONANCE_RATIO * low and centre < 0.4999 * rate:
@@ -87,12 +86,12 @@ def _peak(density: Density, grid: Vector, values: Vector) -> float:
 def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
     """Return the resonance over the width at half power; None if a side does not fall to half."""
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
-    below = grid[density(grid) < HALF_POWER * top]
+    below = grid[density(grid) < 0.5 * top]
     low, high = below[below < centre], below[below > centre]
     if not low.size or not high.size:
         return None
-    low_end = _crossing(density, HALF_POWER * top, centre, low[-1])
-    right = _crossing(density, HALF_POWER * top, centre, high[0])
+    low_end = _crossing(density, 0.5 * top, centre, low[-1])
+    right = _crossing(density, 0.5 * top, centre, high[0])
     return centre / (right - low_end)
 
 

@@ -78,7 +78,7 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     epsilon = complex(nu - order, step)
     after, before = _log_gamma_slopes(epsilon), _log_gamma_slopes(-epsilon)
     lost, slope = _low_powers(log, complex_nu, order)
-    front = (-1.0) ** order * _over_sine(epsilon)
+    front = (-1.0) ** order * complex(np.polyval(_sine_powers(), epsilon * epsilon))
     if order:
         front *= np.exp(-epsilon * after[order - 1]) / math.gamma(order)
     else:
@@ -127,11 +127,6 @@ _LOG_FACTORIALS = np.array([math.lgamma(k + 1.0) for k in range(int(LARGEST_SMOO
 _INVERSE_FACTORIALS = np.array([1.0 / math.factorial(k + 1) for k in range(20, -1, -1)])
 
 
-def _over_sine(epsilon: complex) -> complex:
-    """Compute πε / sin πε for |ε| ≤ ½."""
-    return complex(np.polyval(_sine_powers(), epsilon * epsilon))
-
-
 @lru_cache(maxsize=1)
 def _sine_powers() -> Vector:
     k = np.arange(_POWERS // 2, 0, -1)
@@ -173,7 +168,7 @@ class LagSums:
 @lru_cache(maxsize=64)
 def sums(filter: WaveletFilter, level: int) -> LagSums:
     """Return the sums for levels 1 … `level` of a filter."""
-    reach, octaves = _reach(filter), level + _SPILL
+    reach, octaves = max(64, 1 << (4 * filter.length - 1).bit_length()), level + _SPILL
     near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
     detail = np.correlate(filter.wavelet, filter.wavelet, "full")[filter.length - 1 :] / 2.0
     near, far = np.zeros(reach + 1), np.zeros((octaves + 2, NODES_OF_OCTAVE))
@@ -189,11 +184,6 @@ def sums(filter: WaveletFilter, level: int) -> LagSums:
         spread[:2] += from_near[reach + 1 :].reshape(2, NODES_OF_OCTAVE)
         far = spread
     return LagSums(freeze(spread_places(reach, octaves)), freeze(rows))
-
-
-def _reach(filter: WaveletFilter) -> int:
-    """Return the number of lags that are stored individually."""
-    return max(64, 1 << (4 * filter.length - 1).bit_length())
 
 
 @lru_cache(maxsize=64)
