@@ -175,18 +175,7 @@ def calibration_schema() -> dict[str, Any]:
 
 def calibration(content: Any) -> Calibration:
     """Return the calibration that a document contains, or raise a ReadError that says what is missing or wrong."""
-    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
-    version = content.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise ReadError(f"not a calibration: version must be a whole number from 1; got {version!r}", advice=AGAIN)
-    if version != VERSION:
-        newer = version > VERSION
-        raise ReadError(
-            f"the calibration has version {version} of the format, written by gmwm {content.get('gmwm')}; "
-            f"this gmwm reads version {VERSION}",
-            advice="Install a newer gmwm: `pip install --upgrade gmwm`." if newer else "Calibrate the recording again.",
-        )
+    require_format(content, "calibration", FORMAT, VERSION, advice=AGAIN, anew="Calibrate the recording again.")
     parsed = _numbers(content)
     _require_parts(parsed, _PARTS, "the document")
     if not parsed["axes"]:
@@ -291,17 +280,29 @@ def as_text(content: Mapping[str, Any]) -> str:
     return indented_json(content) + "\n"
 
 
-def read_text(path: str | os.PathLike[str]) -> Any:
-    """Read the document in a calibration.json, or raise a ReadError if it is truncated or something else."""
+def read_document(path: str | os.PathLike[str], what: str, advice: str) -> Any:
+    """Read a document, or raise a ReadError if it is not JSON."""
     try:
-        content = read_json(path)
+        return read_json(path)
     except ValueError as error:
         raise ReadError(
-            f"{path} is not a calibration: it is not JSON, or it is truncated ({error})", advice=AGAIN
+            f"{path} is not a {what}: it is not JSON, or it is truncated ({error})", advice=advice
         ) from error
-    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{path} is not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
-    return content
+
+
+def require_format(content: Any, what: str, format: str, version: int, *, advice: str, anew: str) -> None:
+    """Raise a ReadError if a document has another format or version; `anew` is the advice for an older version."""
+    if not isinstance(content, Mapping) or content.get("format") != format:
+        raise ReadError(f'not a {what}: it has no "format": "{format}"', advice=advice)
+    stated = content.get("version")
+    if not isinstance(stated, int) or isinstance(stated, bool) or stated < 1:
+        raise ReadError(f"not a {what}: version must be a whole number from 1; got {stated!r}", advice=advice)
+    if stated != version:
+        raise ReadError(
+            f"the {what} has version {stated} of the format, written by gmwm {content.get('gmwm')}; this gmwm reads "
+            f"version {version}",
+            advice="Install a newer gmwm: `pip install --upgrade gmwm`." if stated > version else anew,
+        )
 
 
 def _plain(value: Any) -> Any:

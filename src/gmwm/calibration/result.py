@@ -14,7 +14,7 @@ from gmwm.base.errors import DataError, ReadError
 from gmwm.base.remarks import Dialect, Remark, Severity
 from gmwm.base.results import Plotted, Tabular
 from gmwm.base.text import Summarised
-from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.options import AGAIN, CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.rest import BiasAtRest
 from gmwm.choosing.datasheets import Datasheet
@@ -390,12 +390,12 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         OSError
             If the file exists but cannot be opened.
         """
-        from gmwm.calibration.document import read_text
+        from gmwm.calibration.document import read_document
 
         path = Path(path) / "calibration.json" if Path(path).is_dir() else Path(path)
         if not path.exists():
             raise ReadError(f"{path} does not exist in {path.absolute().parent}", argument="path", got=str(path))
-        content = read_text(path)
+        content = read_document(path, "calibration", AGAIN)
         try:
             return cls.from_dict(content)
         except ReadError as error:

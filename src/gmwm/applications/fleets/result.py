@@ -20,6 +20,7 @@ from gmwm.base.results import Plotted, register
 from gmwm.base.text import Summarised, printable, version
 from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION
+from gmwm.calibration.document import read_document, require_format
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import Calibration
@@ -272,27 +273,11 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
         raise ReadError(
             f"{folder} is not the folder of a fleet: it has no {FILE}", advice="Pass the output folder of `gmwm fleet`."
         )
+    content: Mapping[str, Any] = read_document(file, "fleet", RUN_AGAIN)
     try:
-        content = read_json(file)
-    except ValueError as error:
-        raise ReadError(
-            f"{file} is not the file of a fleet: it is not JSON or incomplete ({error})", advice=RUN_AGAIN
-        ) from error
-    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{file} is not the file of a fleet: it does not have "format": "{FORMAT}"', advice=RUN_AGAIN)
-    version = content.get("version")
-    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise ReadError(
-            f"{file} is not the file of a fleet: version must be a whole number from 1; got {version!r}",
-            advice=RUN_AGAIN,
-        )
-    if version != VERSION:
-        newer = version > VERSION
-        raise ReadError(
-            f"{file} has version {version} of the format, written by gmwm {content.get('gmwm')}; this gmwm reads "
-            f"version {VERSION}",
-            advice="Install a newer gmwm: `pip install --upgrade gmwm`." if newer else "Run the fleet again.",
-        )
+        require_format(content, "fleet", FORMAT, VERSION, advice=RUN_AGAIN, anew="Run the fleet again.")
+    except ReadError as error:
+        raise error.at(str(file)) from error
     if missing := [name for name in _PARTS if name not in content]:
         raise ReadError(f"{file} is incomplete: it has no {missing[0]!r}", advice=RUN_AGAIN)
     for name, (kind, words) in _PARTS.items():
