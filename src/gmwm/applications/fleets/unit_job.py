@@ -101,17 +101,12 @@ def as_table(rows: Iterable[Row]) -> pl.DataFrame:
         "robust": pl.Boolean, "contaminated": pl.Boolean, "certified": pl.Boolean, "cautions": pl.Int64,
     }  # fmt: skip
     schema: dict[str, Any] = dict.fromkeys(TEXTS, pl.String) | numbers
-    for symbol in symbols_of(all_rows):
+    # Many rows have the same symbols, so each distinct list of symbols is used once.
+    each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in all_rows]
+    for symbol in in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))]):
         schema |= {f"{symbol}{end}": pl.String if end == "_unit" else pl.Float64 for end in LIMITS}
     # A fleet without units has an empty table with all columns.
     return pl.DataFrame({name: [row.get(name) for row in all_rows] for name in schema}, schema=schema)
-
-
-def symbols_of(rows: Iterable[Row]) -> list[str]:
-    """Return the symbols of all parameters that rows contain, in datasheet order."""
-    each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
-    # Many rows have the same symbols, so each distinct list of symbols is used once.
-    return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
 
 
 def write_table(table: pl.DataFrame, path: Path) -> None:

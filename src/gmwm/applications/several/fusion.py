@@ -109,11 +109,6 @@ def scatters(settled: JointSolution) -> Vector:
     return np.array([float(times @ np.diag(errors_of.of_matrix(k))) for k, errors_of in enumerate(choices)])
 
 
-def best_noise(settled: JointSolution) -> ArrayNoise:
-    """Return the noise model from which weights are computed: the estimate with shrunk covariance matrices."""
-    return noise_of(settled, shrunk(settled, settled.estimate.sigmas, scatters(settled)))
-
-
 def unit_of(settled: JointSolution) -> float:
     """Return the factor that converts variances of the model from `noise_of` to the units of the signals."""
     return float(np.exp(-2 * np.mean(np.log(settled.unit))))
@@ -272,7 +267,7 @@ def _from_model(
             return noise.filter()
         return DifferenceFilter.static(best_weights(target(noise), nonnegative=nonnegative))
 
-    best = best_noise(settled)
+    best = noise_of(settled, shrunk(settled, settled.estimate.sigmas, scatters(settled)))
     filter = design(best)
     factor = optimism(settled, design, levels)
     first = next(iter(signals.values()))

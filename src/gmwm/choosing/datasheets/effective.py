@@ -340,7 +340,8 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
     moves = -changes[:, 1] / curvature if numbers.N > 0 and numbers.K > 0 else np.zeros(len(changes))
     claim, slope = gain.claim(samples)
     white = changes[:, 0] / error - slope / claim * moves
-    scales = np.array([is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
+    # None is the scale of a term estimated as zero.
+    scales = np.array([name is None or name == p.scale_parameter().name for p, name in curve.moving], dtype=np.bool_)
     held = not curve.moving
     return {
         symbol: _Error(curve.error(change), curve.error(np.where(scales, change, 0.0)), held)
@@ -353,11 +354,6 @@ def is_flicker(process: Process, rate: float) -> bool:
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
         process.oscillation() is None and process.correlation_time(rate) in (None, math.inf)
     )
-
-
-def is_scale(process: Process, name: str | None) -> bool:
-    """Return whether a free parameter is the scale of a process; None is the scale of a term estimated as zero."""
-    return name is None or name == process.scale_parameter().name
 
 
 def numbers_at(

@@ -125,7 +125,7 @@ class FilterPrediction:
             if process.scale == 0:
                 continue
             if (line := process.line(rate)) is not None:
-                seen += [line] if lines and is_near(abs(line[1]) * samples) else []
+                seen += [line] if lines and LEAST_PERIODS <= abs(line[1]) * samples <= MOST_PERIODS else []
             elif not process.has("psd") and is_ramp(process, rate):
                 ramp += float(np.diff(process.mean([0, 1]))[0]) ** 2
             else:
@@ -187,11 +187,6 @@ class FilterGain:
         with q = w Δt, and its derivative by ln q."""
         walk = self.bandwidth**2 * (samples + 1) * (2 * samples + 1) / (6 * samples)
         return 1 / samples + self.g + walk, self.slope + 2 * walk
-
-
-def is_near(periods: float) -> bool:
-    """Return whether a line with this number of periods in the horizon is part of the prediction error."""
-    return LEAST_PERIODS <= periods <= MOST_PERIODS
 
 
 def shape_of(process: Process) -> Shape:

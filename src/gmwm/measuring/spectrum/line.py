@@ -240,13 +240,8 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     medians[partial] = (ordered[rows, (number - 1) // 2] + ordered[rows, number // 2]) / 2
     shift = farthest + nearest
     before, after = medians[: values.size], medians[shift : shift + values.size]
-    factor = median_factor(freedom)
+    factor = (1 - 2 / (9 * freedom)) ** 3  # median of χ²_ν / ν (Wilson and Hilferty 1931)
     return Flanks(before / factor, after / factor)
-
-
-def median_factor(freedom: Vector) -> Vector:
-    """Return the median of χ²_ν / ν for `freedom` ν (Wilson and Hilferty 1931)."""
-    return (1 - 2 / (9 * freedom)) ** 3
 
 
 def p_values(ratio: Vector, freedom: Vector, below: float) -> Vector:

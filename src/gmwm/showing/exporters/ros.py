@@ -78,11 +78,6 @@ class Ros(Exporter):
         return (*cautions(calibration), *_not_in_variances(calibration))
 
 
-def terms_without_variance(fit: Fit) -> tuple[str, ...]:
-    """Return the terms of a fit whose variance grows with time."""
-    return tuple(term for term, process in _noises(fit) if _grows(fit, term, process))
-
-
 def sample_variance(fit: Fit) -> float:
     """Return the variance (SI) of a sample's stationary noise, without sinusoids and terms that act as walks."""
     rate = fit.wavelet_variance.rate
@@ -104,7 +99,7 @@ def _grows(fit: Fit, term: str, process: Process) -> bool:
 
 def _not_in_variances(calibration: Calibration) -> Iterator[Remark]:
     for axis, fit in calibration.items():
-        if terms := terms_without_variance(fit):
+        if terms := tuple(term for term, process in _noises(fit) if _grows(fit, term, process)):
             yield Remark.of("not-in-file", axis, case="variance", terms=terms)
         yield from of_lines(axis, fit)
 

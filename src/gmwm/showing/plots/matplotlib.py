@@ -87,13 +87,6 @@ def _text_room(room: float, columns: int) -> float:
     return 0.97 * (room - besides * LEGEND_SIZE) / columns
 
 
-def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:
-    """Draw a legend inside the axes, and wrap its entries if the axes are narrow."""
-    room = 72 * ax.bbox.width / ax.figure.dpi - 2 * _AROUND * LEGEND_SIZE
-    names = [fold(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
-    ax.legend([*handles.values()], names, **_LOOK)
-
-
 def fold(text: str, room: float, size: float) -> str:
     """Wrap a text to a width of `room` points at the font size `size` (points).
 
@@ -298,7 +291,9 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
         child.remove()
     handles = {**earlier, **draw_panel(figure.panels[0], ax)}
     if handles:
-        legend_inside(ax, handles)
+        room = 72 * ax.bbox.width / ax.figure.dpi - 2 * _AROUND * LEGEND_SIZE
+        names = [fold(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
+        ax.legend([*handles.values()], names, **_LOOK)
     owner: Any = ax.figure
     while not isinstance(owner, MatplotlibFigure):
         owner = owner.figure
