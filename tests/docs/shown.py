@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from functools import cache
 from itertools import zip_longest
 
 NUMBER = re.compile(r"(?<![\w.])([-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?!\w)")
@@ -84,7 +85,7 @@ def pieces(shown: str) -> list[list[str]]:
 
 def alike(shown: str, printed: str, *, spaces: bool, apart: float) -> bool:
     """Whether a line is the one printed, or its beginning where it is cut."""
-    ours, theirs = (NUMBER.split(line if spaces else plain(line)) for line in (shown.removesuffix(CUT), printed))
+    ours, theirs = (parts(line, spaces) for line in (shown.removesuffix(CUT), printed))
     if shown.endswith(CUT) and not printed.endswith(CUT):
         last = len(ours) - 1
         theirs = [*theirs[:last], *(text[: len(ours[last])] for text in theirs[last : last + 1])]
@@ -92,6 +93,12 @@ def alike(shown: str, printed: str, *, spaces: bool, apart: float) -> bool:
         near(one, other, apart) if index % 2 else one == other
         for index, (one, other) in enumerate(zip(ours, theirs, strict=True))
     )
+
+
+@cache
+def parts(line: str, spaces: bool) -> list[str]:
+    """The texts of a line and the numbers between them."""
+    return NUMBER.split(line if spaces else plain(line))
 
 
 def near(shown: str, printed: str, apart: float) -> bool:

@@ -72,9 +72,9 @@ def test_what_a_page_shows_is_what_it_prints(run):
             continue
         sources = ["".join(printed[str(line)] for line in block.above)]
         sources += [beginning(run.place / file) for file in block.files if (run.place / file).is_file()]
-        told = [shown.missing(block.text, source, 0.0 if run.name in EXACT else shown.APART) for source in sources]
-        if all(told):
-            wrong[f"{run.name}:{block.line}"] = told[0]
+        apart = 0.0 if run.name in EXACT else shown.APART
+        if all(shown.missing(block.text, source, apart) for source in sources):
+            wrong[f"{run.name}:{block.line}"] = shown.missing(block.text, sources[0], apart)
     assert wrong == {}, "\n".join(f"{where}\n{what}" for where, what in wrong.items())
 
 
