@@ -72,7 +72,7 @@ def write_dark(file: Path, target: Path) -> None:
         if picture.mode == "P":
             palette = np.array(picture.getpalette("RGB")).reshape(-1, 3) / 255
             picture.putpalette((255 * dark(palette)).round().astype(np.uint8).tobytes())
-            picture.save(target, optimize=True)
+            picture.save(target)
         else:
             pixels = np.asarray(picture.convert("RGB")) / 255
-            Image.fromarray((255 * dark(pixels)).round().astype(np.uint8)).save(target, optimize=True)
+            Image.fromarray((255 * dark(pixels)).round().astype(np.uint8)).save(target)

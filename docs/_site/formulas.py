@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from docutils import nodes
 from matplotlib.font_manager import FontProperties
-from matplotlib.mathtext import MathTextParser
 from matplotlib.path import Path
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import TextPath, text_to_path
 from sphinx.util import logging
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def as_svg(formula: str, block: bool) -> str:
     if block:
         text = text.replace(r"\frac", r"\dfrac")
     text = f"${text}$"
-    width, whole, depth = MathTextParser("path").parse(text, dpi=72, prop=FONT)[:3]
+    width, whole, depth = text_to_path.mathtext_parser.parse(text, text_to_path.DPI, FONT)[:3]
     drawn = _outline(TextPath((0, 0), text, size=UNITS, prop=FONT))
     left, top, wide, high = -5, depth - whole - 5, width + 10, whole + 10
     box = f"{left} {top:.0f} {wide:.0f} {high:.0f}"

@@ -65,7 +65,6 @@ FELT_BY_ALL = ("dead", "frozen", "jump", "half the rate", "wrong unit")
 def _numbers(arrays: dict[str, Samples]) -> dict[str, object]:
     imu = gmwm.Imu.from_arrays(arrays, rate=RATE)
     calibration = gmwm.calibrate(imu, models=dict.fromkeys(arrays, "WN + RW"), threads=1)
-    str(gmwm.inspect(imu))
     return {axis: calibration.datasheets[axis].to_dict() for axis in calibration}
 
 
