@@ -41,10 +41,10 @@ def _listed(title: str, entries: Sequence[str]) -> list[str]:
     return [title, *shown, *more] if entries else []
 
 
-def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -> str:
+def statistics_text(found: FleetStatistics) -> str:
     """Write the tables, outliers and remarks of statistics, with at most 80 characters per line."""
     head = wrap_text(f"Fleet of {counted(found.units, 'calibrated unit')}")
-    parts = [head, *_parts(found, found.remarks, dialect)]
+    parts = [head, *_parts(found, found.remarks, Dialect.PYTHON)]
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 

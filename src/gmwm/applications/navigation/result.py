@@ -239,10 +239,10 @@ def merged_terms(growth: Growth) -> dict[str, Vector]:
     return terms
 
 
-def terms_text(one: Growth, k: int = -1) -> str:
-    """Format the largest contributions to an error at the k-th time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
-    parts = sorted(((float(values[k]), label) for label, values in merged_terms(one).items()), reverse=True)
-    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[k])]
+def terms_text(one: Growth) -> str:
+    """Format the largest contributions to an error at the last time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
+    parts = sorted(((float(values[-1]), label) for label, values in merged_terms(one).items()), reverse=True)
+    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[-1])]
     return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
 
 

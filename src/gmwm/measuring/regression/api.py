@@ -31,10 +31,10 @@ OPTIMISM = 2.0
 the weights come from the same data. Chosen in simulations with other seeds than docs/validation/regression.md."""
 
 
-def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
+def regress(signal: Signal, covariates: Covariates) -> Regression:
     """Regress a signal on covariates that were prepared for a signal with the same times; see `regress_axis`."""
     means = covariates.clock.means(signal.values, clipped=True)
-    return regress_axis(means, covariates, axis=signal.axis, unit=signal.unit, automatic=automatic)
+    return regress_axis(means, covariates, axis=signal.axis, unit=signal.unit)
 
 
 def regress_axis(

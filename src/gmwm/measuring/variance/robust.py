@@ -115,9 +115,9 @@ def unrejected(
     return share.tolist(), np.outer(bias, bias) + np.outer(error, error)
 
 
-def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
-    """Compute the squared biweight M-estimate of scale of coefficients (M,); |W| up to `resolution` counts as zero."""
-    plain = PlainCoefficients([as_vector(coefficients, "coefficients")], [resolution])
+def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6) -> float:
+    """Compute the squared biweight M-estimate of scale of coefficients (M,)."""
+    plain = PlainCoefficients([as_vector(coefficients, "coefficients")], [0.0])
     return float(robust_variances(plain, efficiency).variance[0])
 
 
