@@ -219,7 +219,7 @@ class Cluster(WorkPlace):
 
         self._client = client
         self._running: dict[Future[Any], UnitJob] = {}
-        self._ended: Any = distributed.as_completed([], loop=client.loop)  # type: ignore[no-untyped-call]
+        self._ended: Any = distributed.as_completed([], loop=client.loop)
 
     def room(self) -> int:
         """Return four times the number of threads: none waits, and the scheduler does not store all jobs."""
