@@ -10,7 +10,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.base.errors import ModelError, OptionError
+from gmwm.base.errors import GmwmError, ModelError, OptionError
 from gmwm.choosing.selection.candidate_fits import Explored, Progress, explore, losses_left_out
 from gmwm.choosing.selection.equivalence import REJECTED_DIFFERENCE, as_good, difference_error
 from gmwm.choosing.selection.ranking import EQUAL_CRITERIA, Candidate, Ranking, RankingOptions, Weights
@@ -421,14 +421,24 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
     return pvalue is not None and pvalue < REJECTED and (best.pvalue or 0.0) > BETTER * pvalue
 
 
+def _may_be_rejected(candidate: Candidate) -> bool:
+    """Return whether the test, which fits a candidate again without the coarse levels, may reject it. The distance of
+    the fit to all levels is larger, and takes a twentieth of the time."""
+    try:
+        return Distance.of(candidate.fit).pvalue <= BETTER * REJECTED
+    except GmwmError:  # the model has no noise at some level
+        return False
+
+
 def _equivalent(
     candidates: Sequence[Candidate], explored: Explored, confidence: float, draws: int, seed: int
 ) -> Iterator[int]:
     """Yield the places of the candidates that are as good as the best one and contain no smaller such one, the simplest
     first."""
     best, level = candidates[0], _levels(candidates)
-    # A model that the test rejects is not the best one if it accepts another.
-    best = next((k for k in candidates if _is_rejected(best, k) and (k.pvalue or 0.0) >= REJECTED), best)
+    if _may_be_rejected(best):
+        # A model that the test rejects is not the best one if it accepts another.
+        best = next((k for k in candidates if _is_rejected(best, k) and (k.pvalue or 0.0) >= REJECTED), best)
     equivalent, worse = list[Candidate](), list[Candidate]()
     distinct = [(c.parameters, level[c.structure], k) for k, c in enumerate(candidates) if c.same_as is None]
     for *_, place in sorted(distinct):
@@ -447,10 +457,9 @@ def _equivalent(
             alike = (k.fit.implied for k in worse if level[k.structure] == level[candidate.structure])
             if any(np.allclose(curve, candidate.fit.implied, rtol=EQUAL_CRITERIA, atol=0) for curve in alike):
                 continue
-            # The test of the fit is last, because it fits the candidate again, without the coarse levels. The distance
-            # of the fit to all levels is larger, and takes a twentieth of the time.
+            # The test of the fit is last, because it takes longest.
             good = as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed)
-            if not good or (Distance.of(candidate.fit).pvalue <= BETTER * REJECTED and _is_rejected(candidate, best)):
+            if not good or (_may_be_rejected(candidate) and _is_rejected(candidate, best)):
                 worse.append(candidate)
                 continue
         equivalent.append(candidate)
