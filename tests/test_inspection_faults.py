@@ -32,11 +32,9 @@ def imu_of(x):
 
 NAMED = {
     "output-clipped:noise", "output-clipped:rare", "output-clipped:inside", "output-rounded:counter",
-    "level-steps:clear",
-    "level-steps:possible", "trend:swing",
-    "fault-undone:held",
-    "fault-undone:repeated", "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead",
-    "fault-undone:wrapped", "heavy-tails:changes",
+    "level-steps:clear", "level-steps:possible", "trend:swing", "fault-undone:held", "fault-undone:repeated",
+    "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead", "fault-undone:wrapped",
+    "heavy-tails:changes",
 }  # fmt: skip
 
 

@@ -20,10 +20,7 @@ def site(tmp_path_factory):
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "errors").exists():
             options = ["-W", "--keep-going", "-q", "-b", "html", "-d", str(folder / "doctrees")]
-            options += [
-                "-D",
-                "toc_object_entries=0",
-            ]  # the copies of all entries for each page take a fifth of the time
+            options += ["-D", "toc_object_entries=0"]  # their copies for each page take a fifth of the time
             command = [sys.executable, "-m", "tests.docs.build", *options, str(DOCS), str(folder / "html")]
             done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, encoding="utf-8")
             (folder / "errors").write_text(done.stderr or "failed" if done.returncode else "", encoding="utf-8")

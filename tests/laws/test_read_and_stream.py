@@ -50,9 +50,7 @@ TEXTS = {
     "blanks and tabs": lambda lines: _inserted(lines, " \t "),
     "rows of separators": lambda lines: _inserted(lines, ",,,"),
     "comments": lambda lines: _inserted(lines, "# a comment"),
-    "rows commented out": lambda lines: [
-        "#" * (1000 < k < 2000) + line for k, line in enumerate(lines)
-    ],
+    "rows commented out": lambda lines: ["#" * (1000 < k < 2000) + line for k, line in enumerate(lines)],
     "no-break spaces": lambda lines: _inserted(lines, "\u00a0"),
     "line separators": lambda lines: _inserted(lines, "\u2028"),
     "the header again": lambda lines: _inserted(lines, lines[0]),
