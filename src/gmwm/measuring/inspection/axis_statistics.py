@@ -170,7 +170,7 @@ def _means(blocks: Vector, medians: Vector) -> Vector:
     return np.asarray(means)
 
 
-class Sums(NamedTuple):
+class PartSums(NamedTuple):
     """Number, mean, and sum of the squared deviations from the mean of some values."""
 
     number: int
@@ -178,11 +178,11 @@ class Sums(NamedTuple):
     squares: float
 
 
-def sums_of(values: Vector) -> Sums:
+def sums_of(values: Vector) -> PartSums:
     """Return the sums of n > 0 values."""
     mean = float(np.mean(values))
     apart = values - mean
-    return Sums(values.size, mean, float(apart @ apart))
+    return PartSums(values.size, mean, float(apart @ apart))
 
 
 class Moments:
@@ -199,13 +199,13 @@ class Moments:
     def add_squares(self, group: int, values: Vector) -> None:
         """Add values to a group for which only the mean square is needed; it is stored as the mean."""
         if values.size:
-            self.join(group, Sums(values.size, float(values @ values) / values.size, 0.0))
+            self.join(group, PartSums(values.size, float(values @ values) / values.size, 0.0))
 
     def variances(self) -> Vector:
         """Return the variance Σ (x − mean)² / n of each group; 0 for an empty group."""
         return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
 
-    def join(self, group: int, sums: Sums) -> None:
+    def join(self, group: int, sums: PartSums) -> None:
         """Add the sums of values to a group."""
         before = self.counts[group]
         self.counts[group] = before + sums.number
