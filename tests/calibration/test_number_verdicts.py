@@ -129,8 +129,8 @@ def test_a_trend_within_the_intervals_names_no_number(calibration):
     facts = {"size": Quantity(1.0, "deg/h"), "left": 99.9}
     curve = Remark.of("trend", "gyro_x", case="curve", **facts, numbers=tuple(s for s in ("K", "B") if s in sheet))
     inspection = SimpleNamespace(remarks=(curve,))
-    (remark,) = recording_remarks(inspection, calibration.axes, ())
+    (remark,) = recording_remarks(inspection, calibration.axes)
     assert (code_of(remark), remark.severity, remark.facts["numbers"]) == ("trend:small", Severity.INFO, ())
     strong = replace(curve, facts={**curve.facts, "left": 10.0})
-    (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes, ())
+    (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes)
     assert (code_of(remark), remark.severity) == ("trend:curve", Severity.WRONG)
