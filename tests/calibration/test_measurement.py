@@ -111,7 +111,7 @@ def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
     for start in rng.integers(0, N - 40, 1000):
         x[start : start + 20] += 0.03 * rng.standard_normal(20)
     found = gmwm.calibrate(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), WITHIN)
-    facts = only(found.remarks, "robust-depends-on-efficiency", "gyro_x").facts
+    facts = only(found.remarks, "robust-depends-on-efficiency:far", "gyro_x").facts
     assert (facts["efficiency"], facts["other"]) == (0.6, 0.9)
     assert facts["value"] != facts["other_value"]
     assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()

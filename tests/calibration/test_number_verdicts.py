@@ -134,3 +134,18 @@ def test_a_trend_within_the_intervals_names_no_number(calibration):
     strong = replace(curve, facts={**curve.facts, "left": 10.0})
     (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes)
     assert (code_of(remark), remark.severity) == ("trend:curve", Severity.WRONG)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "robust", "usability"), [
+    (2.0, "auto", Usability.DO_NOT_USE), (2.0, False, Usability.USE), (1.2, "auto", Usability.USE),
+])  # fmt: skip
+def test_n_of_noise_whose_strength_changes_is_right_or_cannot_be_used(factor, robust, usability):
+    rng, rate = np.random.default_rng(8), 100.0
+    strength = np.repeat(factor ** rng.normal(size=1_500), 100)  # another one each second
+    x = gmwm.Signal(1e-3 * strength * rng.normal(size=strength.size), rate, "rad/s", "gyro_x")
+    found = gmwm.calibrate(gmwm.Imu({"gyro_x": x}), "WN + RW", robust=robust)
+    assert found.number_verdicts["gyro_x"]["N"].usability is usability
+    if usability is Usability.USE:
+        density = float(np.std(x.values)) / math.sqrt(rate)
+        assert found.datasheets["gyro_x"]["N"].value == pytest.approx(density, rel=0.03)

@@ -45,22 +45,22 @@ def points_of(data, code):
 @pytest.mark.slow
 def test_the_verdict_has_the_outliers_and_the_axes(data, calibration):
     assert calibration.verdicts["gyro_y"].contaminated
-    assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict", "look")
-    assert [point["state"] for point in points_of(data, "robust-depends-on-efficiency")] == ["look"]
+    assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict", "bad")
+    assert [point["state"] for point in points_of(data, "robust-depends-on-efficiency")] == ["bad"]
     (outliers,) = [note for note in data["notes"] if note["code"] == "outliers-left-out"]
     assert outliers["state"] == "good"
     assert "gyro_y" in outliers["text"]
     assert sum("finds no outliers" in text for text in data["outlier_tests"]) == 1  # once for two axes
-    calibrated = points_of(data, "results")[0]
-    assert calibrated["state"] == "good"
-    assert all(text in calibrated["text"] for text in ("3 of 3", "17 min", "100 Hz"))
+    results = points_of(data, "results")[0]  # of the axes whose numbers can be used
+    assert results["state"] == "good"
+    assert "Gyroscopes" in results["text"]
 
 
 def test_the_most_severe_points_come_first(data):
     order = ["bad", "look", "good"]
     places = [order.index(point["state"]) for point in data["verdict"]["points"]]
     assert places == sorted(places)
-    assert {"look", "good"} <= {point["state"] for point in data["verdict"]["points"]}
+    assert {"bad", "good"} <= {point["state"] for point in data["verdict"]["points"]}
 
 
 @pytest.mark.slow
