@@ -421,11 +421,11 @@ def _is_rejected(candidate: Candidate, best: Candidate) -> bool:
     return pvalue is not None and pvalue < REJECTED and (best.pvalue or 0.0) > BETTER * pvalue
 
 
-def _may_be_rejected(candidate: Candidate) -> bool:
-    """Return whether the test, which fits a candidate again without the coarse levels, may reject it. The distance of
-    the fit to all levels is larger, and takes a twentieth of the time."""
+def _is_near(candidate: Candidate) -> bool:
+    """Return whether a candidate is so near to the data that the test, which fits it again without the coarse levels,
+    cannot reject it. The distance of the fit to all levels is larger, and takes a twentieth of the time."""
     try:
-        return Distance.of(candidate.fit).pvalue <= BETTER * REJECTED
+        return Distance.of(candidate.fit).pvalue > BETTER * REJECTED
     except GmwmError:  # the model has no noise at some level
         return False
 
@@ -436,9 +436,9 @@ def _equivalent(
     """Yield the places of the candidates that are as good as the best one and contain no smaller such one, the simplest
     first."""
     best, level = candidates[0], _levels(candidates)
-    if _may_be_rejected(best):
+    if not _is_near(best) and (near := next(filter(_is_near, candidates), None)) and _is_rejected(best, near):
         # A model that the test rejects is not the best one if it accepts another.
-        best = next((k for k in candidates if _is_rejected(best, k) and (k.pvalue or 0.0) >= REJECTED), best)
+        best = near
     equivalent, worse = list[Candidate](), list[Candidate]()
     distinct = [(c.parameters, level[c.structure], k) for k, c in enumerate(candidates) if c.same_as is None]
     for *_, place in sorted(distinct):
@@ -459,7 +459,7 @@ def _equivalent(
                 continue
             # The test of the fit is last, because it takes longest.
             good = as_good(explored, candidate.fit, rival=best.fit, size=1 - confidence, draws=draws, seed=seed)
-            if not good or (_may_be_rejected(candidate) and _is_rejected(candidate, best)):
+            if not good or (not _is_near(candidate) and _is_rejected(candidate, best)):
                 worse.append(candidate)
                 continue
         equivalent.append(candidate)
