@@ -185,8 +185,8 @@ def _measure_recording(
         omitted, ranges = _motion_to_omit(passes) if options.repeated == "auto" else ([], ())
         if ranges:
             part, axes = _only({remark.subject for remark in omitted}, part, axes, pieces)
-            left = passes.inspection.time_base.left
-            part = without_times(part, 0.0, [(begin - left, end - left) for begin, end in ranges])
+            offset = passes.inspection.time_base.left  # the time left out before the first sample
+            part = without_times(part, 0.0, [(begin - offset, end - offset) for begin, end in ranges])
             run = replace(run, scheduler=None, workers=None)
             conditions, passes = _read(part, axes, options, run)
         steady = part
@@ -237,9 +237,7 @@ def _measure_recording(
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
 
 
-def _only(
-    names: Collection[str], part: Part, axes: Sequence[str], pieces: deque[Part]
-) -> tuple[Part, list[str]]:  # fmt: skip
+def _only(names: Collection[str], part: Part, axes: Sequence[str], pieces: deque[Part]) -> tuple[Part, list[str]]:
     """Return the axes with a disturbance, which costs the others nothing: they are a further piece."""
     if others := [axis for axis in part.axes if axis not in names]:
         pieces.append(only_axes(part, others))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.calibration.number_verdicts import memory_of_filter
 from gmwm.calibration.result import AxisCalibration
 from gmwm.choosing.datasheets.bias import SYMBOL
 from gmwm.fitting.estimation.result import Fit
@@ -63,9 +64,8 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
     slopes, is_long = {str(symbol): law.slope for symbol, law in LAWS.items()}, tau > _middle(found)
-    white, walk = (found.datasheet.get(symbol) for symbol in ("N", "K"))
-    # A filter follows what changes more slowly than N/K.
-    is_slow = is_long or (white is not None and walk is not None and tau * walk.value > white.value)
+    # A filter follows what changes more slowly.
+    is_slow = is_long or tau > memory_of_filter(found.datasheet)
     numbers = tuple(
         name for name in found.datasheet if name in slopes and (is_slow if slopes[name] >= 0 else not is_long)
     )

@@ -125,12 +125,15 @@ def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
     return _ALL in symbols or symbol in symbols
 
 
+def memory_of_filter(datasheet: Mapping[str, Entry]) -> float:
+    """Return the time N/K (s) over which a filter averages; infinite without a random walk."""
+    white, walk = datasheet.get("N"), datasheet.get("K")
+    return math.inf if white is None or walk is None or not walk.value > 0 else white.value / walk.value
+
+
 def affected(symbols: Iterable[str], tau: float, datasheet: Mapping[str, Entry]) -> tuple[str, ...]:
     """Return the numbers that a misfit at a scale `tau` (s) affects: not K of a filter if the scale is long."""
-    white, walk = datasheet.get("N"), datasheet.get("K")
-    # A filter averages over N/K.
-    memory = math.inf if white is None or walk is None or not walk.value > 0 else white.value / walk.value
-    beyond = tau > MEMORIES_OF_FILTER * memory
+    beyond = tau > MEMORIES_OF_FILTER * memory_of_filter(datasheet)
     return tuple(symbol for symbol in symbols if not (beyond and symbol == "K"))
 
 

@@ -230,8 +230,8 @@ def flanks(values: Vector, freedom: Vector, nearest: int, farthest: int, *, leas
     estimate the level; NaN with fewer than `least` values."""
     width = farthest - nearest + 1
     padded = np.concatenate([np.full(farthest, np.nan), values, np.full(farthest, np.nan)])
-    known = np.concatenate([[0], np.cumsum(~np.isnan(padded))])
-    counts = known[width:] - known[:-width]
+    finite_before = np.concatenate([[0], np.cumsum(~np.isnan(padded))])
+    counts = finite_before[width:] - finite_before[:-width]
     medians = np.where(counts == width, _core.window_medians(padded, width), np.nan)
     partial = np.flatnonzero((counts >= least) & (counts < width))
     # NaN are last in sorted rows.
