@@ -4,13 +4,12 @@ switches between two levels (popcorn noise, random telegraph noise)."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gmwm.base.arrays import Vector, row_medians
+from gmwm.base.arrays import Matrix, Vector, row_medians
 from gmwm.base.remarks import Remark
 from gmwm.recording.repairs.repeats import Mask
 from gmwm.recording.resolution import lsb
@@ -91,32 +90,55 @@ def slower_rate(values: Vector) -> float:
     high = np.flatnonzero(height > _LINE)
     lines = [k / squares.size for k in high[np.argsort(-height[high])][:_PEAKS].tolist()]
     shares = sorted(share for line in lines for share in (line, 1 - line) if _RATES[0] < share < _RATES[1])
-    return next((share for share in shares if _is_straight(x, share)), 0.0)
-
-
-def _is_straight(x: Vector, share: float) -> bool:
-    """Return whether straight lines between samples at the rate `share` describe two blocks."""
-    window = np.hanning(_BLOCK)
     for first in (0, x.size // 2):
-        block = x[first : first + _BLOCK] - x[first]
-        residuals = np.array([_residual(block, share, phase / _PHASES) for phase in range(_PHASES)])
-        # A line does not change a quantile of the density, and the slower log has the lower part of the frequencies.
-        density = np.abs(np.fft.rfft(block * window)) ** 2 / float(window @ window)
-        noise = float(np.quantile(density, 0.8)) / np.log(5)
-        if not np.min(residuals) < _EXACT * min(noise, float(np.median(residuals))):
-            return False
-    return True
+        fits = _are_straight(x[first : first + _BLOCK], shares)
+        shares = [share for share, straight in zip(shares, fits, strict=True) if straight]
+    return shares[0] if shares else 0.0
 
 
-def _residual(block: Vector, share: float, phase: float) -> float:
-    """Return the variance that straight lines with corners at (k − phase) / share leave."""
-    at = np.arange(block.size) * share + phase
-    corner = at.astype(np.int64)
-    lines: NDArray[np.float64] = np.zeros((block.size, int(corner[-1]) + 2))
-    rows = np.arange(block.size)
-    lines[rows, corner], lines[rows, corner + 1] = 1 - (at - corner), at - corner
-    residual = block - lines @ np.linalg.lstsq(lines, block, rcond=None)[0]
-    return float(residual @ residual / max(block.size - lines.shape[1], 1))
+def _are_straight(block: Vector, shares: Sequence[float]) -> list[bool]:
+    """Return for each of the rates `shares` whether straight lines between samples at this rate describe a block."""
+    if not shares:
+        return []
+    # A line does not change a quantile of the density, and the slower log has the lower part of the frequencies.
+    window = np.hanning(_BLOCK)
+    density = np.abs(np.fft.rfft((block - block[0]) * window)) ** 2 / float(window @ window)
+    noise = float(np.quantile(density, 0.8)) / np.log(5)
+    left = _residuals(block - block[0], np.array(shares))
+    fits = np.min(left, axis=1) < _EXACT * np.minimum(noise, np.median(left, axis=1))
+    return [bool(each) for each in fits]
+
+
+def _residuals(block: Vector, shares: Vector) -> Matrix:
+    """Return the variance that straight lines with corners at (k − phase) / share leave, for each share and phase."""
+    at = np.arange(block.size)[:, None, None] * shares[:, None] + np.arange(_PHASES) / _PHASES
+    corners = np.floor(at)
+    # Least squares by Givens rotations of all of them at once. A sample is on the line between two corners, so the
+    # triangle that remains to be rotated has two rows: their elements, and what the rotations made of the data.
+    (first, beside, of_first), (second, of_second) = np.zeros((3, *at.shape[1:])), np.zeros((2, *at.shape[1:]))
+    squares = np.zeros(at.shape[1:])
+    for k, value in enumerate(block.tolist()):
+        if k:
+            new = corners[k] > corners[k - 1]
+            first, of_first = np.where(new, second, first), np.where(new, of_second, of_first)
+            beside, second, of_second = np.where(new, 0.0, [beside, second, of_second])
+        later = at[k] - corners[k]
+        first, (beside, of_first), (later, rest) = _rotated(first, 1 - later, [beside, of_first], [later, value])
+        second, (of_second,), (rest,) = _rotated(second, later, [of_second], [rest])
+        squares += rest**2
+    return np.asarray(squares / np.maximum(block.size - corners[-1] - 2, 1))
+
+
+def _rotated(
+    first: Matrix, second: Matrix, row: Sequence[Matrix], other: Sequence[Matrix | float]
+) -> tuple[Matrix, list[Matrix], list[Matrix]]:
+    """Rotate two rows so that the first element of the `other` becomes zero; return the first element of the row, and
+    the further elements of both."""
+    length = np.hypot(first, second)
+    cosine = np.divide(first, length, out=np.ones_like(length), where=length > 0)
+    sine = np.divide(second, length, out=np.zeros_like(length), where=length > 0)
+    turned = [cosine * x + sine * y for x, y in zip(row, other, strict=True)]
+    return length, turned, [cosine * y - sine * x for x, y in zip(row, other, strict=True)]
 
 
 _LENGTHS = (16, 64, 256, 1024)  # numbers of samples whose means are sorted into two levels
