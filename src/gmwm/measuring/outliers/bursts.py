@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm.base import _core
-from gmwm.base.arrays import FrozenArrays, Vector, as_rate, as_vector
+from gmwm.base.arrays import FrozenArrays, Vector, as_rate, as_vector, row_medians
 from gmwm.base.documents import Documented
 from gmwm.measuring.variance.biweight import NORMAL_QUARTILE
 from gmwm.measuring.variance.open_segments import Panels, panel_length
@@ -292,7 +292,7 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
     for k in np.flatnonzero(chosen).tolist():
         first, last = int(at[begins[k]]), int(at[ends[k]])
         begin, end = first << level.number - 1, (last + 2) << level.number - 1
-        part = values[begin:end] - np.median(values[max(2 * begin - end, 0) : 2 * end - begin])
+        part = values[begin:end] - row_medians(values[None, max(2 * begin - end, 0) : 2 * end - begin])
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
         # Beside a pulse, noise that is larger by chance does not hide it.
@@ -325,4 +325,5 @@ def _beside(level: BurstCoefficients, first: int, last: int) -> float:
     length = max(margin, _BESIDE)
     surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
     relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
-    return max((float(np.median(part)) for part in relative if part.size >= APART), default=0.0) / NORMAL_QUARTILE
+    spreads = [float(row_medians(part[None])[0]) for part in relative if part.size >= APART]
+    return max(spreads, default=0.0) / NORMAL_QUARTILE

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmwm.base.arrays import Vector
+from gmwm.base.arrays import Vector, row_medians
 from gmwm.base.documents import Documented
 from gmwm.base.time_base import times_of
 from gmwm.measuring.covariance.tails import TailSums
@@ -117,10 +118,10 @@ def cleaned(x: Signal) -> Cleaned:
         knocks = _knocks(x.values, x.rate, step, ("pulses",))
     if knocks.size:
         # Knocks hide the tails of the noise from the search for spikes, and spikes within knocks hide the knocks.
-        before, spikes = spikes, find_spikes(replace(x, values=_mirror(x.values, knocks)))
+        before, spikes = spikes, find_spikes(replace(x, values=_Mirror(x.values).without(knocks)))
         if not hidden and not np.all(np.isin(before.indices, spikes.indices)):
             knocks = _knocks(repaired(x, spikes).values, x.rate, step)
-            spikes = find_spikes(replace(x, values=_mirror(x.values, knocks)))
+            spikes = find_spikes(replace(x, values=_Mirror(x.values).without(knocks)))
         present = np.ones(len(x), dtype=np.bool_)
         for first, last in knocks.tolist():
             present[first:last] = False
@@ -133,7 +134,7 @@ def cleaned(x: Signal) -> Cleaned:
         replaced=Replaced(
             spikes=len(spikes), largest=spikes.largest, left=spikes.left,
             knocks=tuple((start, stop) for start, stop in times.tolist()),
-            in_knocks=int(np.sum(knocks[:, 1] - knocks[:, 0])),
+            in_knocks=_size(knocks),
         ),
     )  # fmt: skip
 
@@ -145,13 +146,13 @@ def _knocks(values: Vector, rate: float, step: float, kinds: tuple[str, ...] = K
     panels = [_of_panel(values[begin : begin + length], rate, step, kinds) + begin for begin in begins]
     ranges = _union(np.concatenate(panels))
     ranges = ranges[ranges[:, 1] - ranges[:, 0] <= LONGEST * rate]
-    return ranges if np.sum(ranges[:, 1] - ranges[:, 0]) <= MOST * values.size else ranges[:0]
+    return ranges if _size(ranges) <= MOST * values.size else ranges[:0]
 
 
 def _of_panel(values: Vector, rate: float, step: float, kinds: tuple[str, ...]) -> Ranges:
     """Return the index ranges of the knocks in consecutive samples that form one panel."""
-    ranges = _ranges_of(kinds, values, rate, step)
-    if np.sum(ranges[:, 1] - ranges[:, 0]) > MOST * values.size:
+    ranges = _ranges_of(kinds, values, rate, step, most=MOST * values.size)
+    if _size(ranges) > MOST * values.size:
         # At coarse levels, pulses every few seconds look like one burst. Longer knocks need their margins.
         pulses = _ranges_of(sorted(kinds, key="pulses".__ne__), values, rate, step)
         if pulses.size and np.max(pulses[:, 1] - pulses[:, 0]) < 150:
@@ -160,42 +161,61 @@ def _of_panel(values: Vector, rate: float, step: float, kinds: tuple[str, ...]) 
     return ranges
 
 
-def _ranges_of(kinds: Sequence[str], values: Vector, rate: float, step: float, margin: float = MARGIN) -> Ranges:
-    """Return the index ranges of disturbances, searched in this order, with margins as a multiple of their length."""
+def _ranges_of(
+    kinds: Sequence[str], values: Vector, rate: float, step: float, *, margin: float = MARGIN, most: float = math.inf
+) -> Ranges:
+    """Return the index ranges of disturbances, searched in this order until they have more than `most` samples, with
+    margins as a multiple of their length."""
     levels, ranges = list(coefficients(values, rate, step)), np.empty((0, 2), dtype=np.int64)
+    mirror = _Mirror(values)
     for kind in kinds:
         # Each search follows the replacement of the knocks found so far, because weak ends are found last.
         for _ in range(6):
             if kind == "pulses":
                 # Four pulses or knocks are not a chance; then, fewer ones are left. Their ends are sharp.
-                pulses = pulse_ranges(levels, _mirror(values, ranges), 1 if len(ranges) >= 4 else 4)
+                pulses = pulse_ranges(levels, mirror.without(ranges), 1 if len(ranges) >= 4 else 4)
                 wider = _widen(pulses, values.size, 0.0)
             else:
                 wider = _widen(burst_ranges(levels, small=kind == "small"), values.size, margin)
             wider = _union(np.concatenate([ranges, wider]))
             if np.array_equal(wider, ranges):
                 break
-            ranges, levels = wider, list(coefficients(_mirror(values, wider), rate, step))
+            if _size(wider) > most:
+                return wider
+            ranges, levels = wider, list(coefficients(mirror.without(wider), rate, step))
     return ranges
 
 
-def _mirror(values: Vector, ranges: Ranges) -> Vector:
-    """Replace ranges by the mirrored samples next to them on a straight line, to search for weak parts of knocks."""
-    out = values.copy()
-    for first, last in ranges.tolist():
+class _Mirror:
+    """Samples that stand for ranges of values, to search for weak parts of knocks: those next to a range, mirrored on a
+    straight line. Each range is computed once."""
+
+    def __init__(self, values: Vector) -> None:
+        self._values, self._known = values, dict[tuple[int, int], Vector]()
+
+    def without(self, ranges: Ranges) -> Vector:
+        """Return the values with these ranges replaced."""
+        out = self._values.copy()
+        for first, last in ranges.tolist():
+            if (first, last) not in self._known:
+                self._known[first, last] = self._of(first, last)
+            out[first:last] = self._known[first, last]
+        return out
+
+    def _of(self, first: int, last: int) -> Vector:
         size, half = last - first, (last - first) // 2
-        before = values[max(first - max(half, _BESIDE), 0) : first]
-        after = values[last : last + max(half, _BESIDE)]
+        before = self._values[max(first - max(half, _BESIDE), 0) : first]
+        after = self._values[last : last + max(half, _BESIDE)]
         if not before.size + after.size:
-            continue
+            return self._values[first:last]
         before, after = (side if side.size else other for side, other in ((before, after), (after, before)))
-        line = np.linspace(np.median(before), np.median(after), size)
-        echoes = (
-            np.resize((before - np.median(before))[::-1], half),
-            np.resize(after - np.median(after), size - half)[::-1],
-        )
-        out[first:last] = line + np.concatenate(echoes)
-    return out
+        start, end = (row_medians(side[None])[0] for side in (before, after))
+        echoes = np.resize((before - start)[::-1], half), np.resize(after - end, size - half)[::-1]
+        return np.asarray(np.linspace(start, end, size) + np.concatenate(echoes))
+
+
+def _size(ranges: Ranges) -> int:
+    return int(np.sum(ranges[:, 1] - ranges[:, 0]))
 
 
 def _widen(ranges: Ranges, size: int, share: float = MARGIN) -> Ranges:
