@@ -16,7 +16,7 @@ from gmwm.measuring.inspection.findings import in_datasheet_units, places_of, se
 from gmwm.measuring.inspection.knocks import Step, corner, jump_reach, level_length
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.inspection.trends import EXTRA, FEWEST, BlockMeans, longest_means
-from gmwm.measuring.inspection.wander import FIRST, Likelihood, decay, transformed
+from gmwm.measuring.inspection.wander import FIRST, CoursePairs, Likelihood, decay, transformed
 
 if TYPE_CHECKING:
     from gmwm.measuring.inspection.result import Inspection
@@ -220,16 +220,20 @@ def _with_settling(means: BlockMeans, jumps: list[_Jump]) -> list[_Jump]:
     places = [jump.place for jump in jumps]
     # A settling looks like jumps at most 8 blocks apart.
     chains = np.split(np.arange(len(jumps)), np.flatnonzero(np.diff(places) > 8) + 1)
+    shifts, taus = (each.ravel() for each in np.meshgrid(np.arange(-3, 3) / 4, [0.25, 2.0, 4.0, 8.0, 16.0, 32.0]))
+    base = means.with_all(transformed(_courses(places, means.size)))
     for chain in chains:
-        fits = []
+        fits = list[tuple[float, float]]()
         for first, last in ((a, b) for a in chain for b in {a, chain[-1]}):
-            others = places[:first] + places[last + 1 :]
-            for place, tau in ((places[first] + k / 4, 2.0**m) for k in range(-3, 3) for m in (-2, 1, 2, 3, 4, 5)):
-                courses = np.vstack([_courses([*others, place], means.size), decay(edges - place, tau)])
-                value = means.with_all(transformed(courses))
-                # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
-                fits.append((value + _CLEAR.together * (first - last + (tau > 1)), place + 4 * tau if tau > 1 else 0.0))
-        base, (value, until) = means.with_all(transformed(_courses(places, means.size))), min(fits)
+            starts = places[first] + shifts
+            settling = transformed(decay(edges - starts[:, None], taus[:, None]))
+            pairs = CoursePairs.of(means.grid.weights, transformed(_courses(starts, means.size)), settling)
+            others = transformed(_courses(places[:first] + places[last + 1 :], means.size))
+            values = np.min(means.with_pairs(pairs, others).values, axis=0)
+            # A decay counts as much as a jump. One of a quarter of a block is an error of the place of a jump.
+            values += _CLEAR.together * (first - last + (taus > 1))
+            fits += zip(values.tolist(), np.where(taus > 1, starts + 4 * taus, 0.0).tolist(), strict=True)
+        value, until = min(fits)
         if value < base and until:
             until = min(max(until, places[chain[-1]] + 1), means.size)
             for k in chain:
@@ -309,7 +313,7 @@ def _boxes_in(means: BlockMeans) -> list[tuple[list[float], float]]:
     return [(places[: k + 1], float(gains[k])) for k in range(1, len(places), 2)]
 
 
-def _courses(places: Sequence[float], size: int) -> Matrix:
+def _courses(places: Sequence[float] | Vector, size: int) -> Matrix:
     """Return a jump of 1 at each place, as block means (C, n)."""
     return np.asarray(np.clip(np.arange(1.0, size + 1) - np.array(places)[:, None], 0.0, 1.0))
 

@@ -115,7 +115,7 @@ def _jumps_at(places: NDArray[np.float64], blocks: int) -> NDArray[np.float64]:
     return np.asarray((1 - share) * rows[before - 1] + share * rows[before])
 
 
-def decay(edges: Matrix, tau: float) -> Matrix:
+def decay(edges: Matrix, tau: float | Matrix) -> Matrix:
     """Return the means of e^(−t/τ), 0 for t < 0, between neighbouring times (the last axis)."""
     return np.asarray(np.diff(-tau * np.exp(-np.maximum(edges, 0.0) / tau)))
 
@@ -230,11 +230,24 @@ class Likelihood:
         squares = self.grid.weights @ (courses**2).T if squares is None else squares
         return self._profile(self._flat[:, None] - cross**2 / squares)
 
-    def with_pairs(self, pairs: CoursePairs) -> CourseProfile:
-        """Return the profile likelihood with the two courses of a pair together; the result has a column for each."""
-        u, v = (self.grid.weights @ (courses * self.z).T for courses in (pairs.first, pairs.second))
-        a, b, c = pairs.squares
-        return self._profile(self._flat[:, None] - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
+    def with_pairs(self, pairs: CoursePairs, courses: Matrix | None = None) -> CourseProfile:
+        """Return the profile likelihood with the two courses of a pair together, and p transformed `courses`; the
+        result has a column for each pair."""
+        u, v = (self.grid.weights @ (first * self.z).T for first in (pairs.first, pairs.second))
+        (a, b, c), flat = pairs.squares, self._flat[:, None]
+        if courses is not None and len(courses):
+            # Of a pair, what the courses leave.
+            cross, flat = self.grid.weights @ (courses * self.z).T, flat.copy()
+            beside = [self.grid.weights @ (x[:, None] * courses).reshape(-1, x.shape[1]).T for x in pairs[:2]]
+            beside = [each.reshape(len(each), -1, len(courses)).transpose(0, 2, 1) for each in beside]
+            known = np.concatenate([cross[:, :, None], *beside], axis=2)
+            explained = np.linalg.solve(_gram(self.grid.weights, courses), known)
+            flat -= np.sum(cross * explained[:, :, 0], axis=1)[:, None]
+            u, v = (x - np.sum(y * explained[:, :, :1], axis=1) for x, y in zip((u, v), beside, strict=True))
+            first, second = np.split(explained[:, :, 1:], 2, axis=2)
+            parts = (a * (1 + 1e-10), beside[0], first), (b, beside[0], second), (c * (1 + 1e-10), beside[1], second)
+            a, b, c = (whole - np.sum(x * y, axis=1) for whole, x, y in parts)
+        return self._profile(flat - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
 
     def with_all(self, courses: Matrix, *, alone: bool = False) -> float:
         """Return the smallest −2 log L with all transformed courses (p, n − 1) together; `alone` as in `walk`."""
