@@ -34,6 +34,12 @@ def knows(model: Model, design: Design) -> bool:
     return _split(present, design) is not None or all(p.memory(design.rate) is not None for p in present)
 
 
+def has_closed_form(model: Model, design: Design) -> bool:
+    """Return whether the covariance is a closed form, so that its time does not depend on the memory of the model."""
+    present = [process for process in model.processes if process.scale > 0]
+    return design.running_sum and _split(present, design) is not None
+
+
 def covariance(model: Model, design: Design) -> Matrix:
     """Compute the covariance V (J, J), in u⁴."""
     size, pairs = design.levels.size, _Pairs.of(design, diagonal=False)

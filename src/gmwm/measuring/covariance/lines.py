@@ -6,9 +6,9 @@ coefficients are W_j = G_j + L_j (noise and sinusoids). L_j² is nearly constant
     V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²).
 
 Here C_jk(u) = Cov(G_{j,t}, G_{k,t+u}) and R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], with the power P_l = A_l²/2 and
-the gain H_j of the wavelet filter at ω_l. The second term is summed if lags are few or can be far apart (slow
-sinusoid). Otherwise it is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), with the spectral density S of Y; its
-relative error is about 2^k / M_k.
+the gain H_j of the wavelet filter at ω_l. If lags are few or can be far apart (slow sinusoid), the second term is a
+closed form (Haar filter) or summed. Otherwise it is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), with the spectral
+density S of Y; its relative error is about 2^k / M_k.
 
 The last term is a sum of ½ Re(c_j c_k*). With the mean D_j(Ω) of e^(iΩt) over the coefficients of level j, each
 sinusoid contributes c_j = ½A² H_j² D_j(2ω), each pair c_j = A_l A_m H_j(ω_l) H_j(±ω_m) D_j(ω_l ± ω_m), and each
@@ -17,7 +17,7 @@ sinusoid with a mean μ_j of the coefficients (drift) c_j = 2μ_j A H_j D_j(ω).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,11 +26,13 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix, Vector, freeze
 from gmwm.base.errors import MissingTheoryError
-from gmwm.measuring.covariance import filtered
+from gmwm.measuring.covariance import filtered, gaussian
 from gmwm.measuring.covariance.design import Design
 from gmwm.theory.filters import WaveletFilter
 from gmwm.theory.processes.base import Process
+from gmwm.theory.processes.exponential_sum import ExponentialSum
 from gmwm.theory.processes.model import Model
+from gmwm.theory.processes.oscillator import OSC, SHARPEST
 
 ALL_LAGS = 2**14
 """Largest number of summed lags; beyond, they are farther apart (tests/covariance/test_lines.py, also the next)."""
@@ -72,6 +74,10 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[TermLine, .
 def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, diagonal: bool) -> Matrix:
     """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
+    slow = [line for line in lines if np.any(_stages(line, design) >= 0)]
+    if noise is not None and (closed := _closed(noise, slow, design, diagonal=diagonal)) is not None:
+        lines = tuple(line for line in lines if line not in slow)
+        total += np.diag(closed) if diagonal else closed
     if noise is not None:
         many = [line for line in lines if np.any(_stages(line, design) < 0)]
         density = dict(zip(many, _density(noise, [line.cycles for line in many], design).tolist(), strict=True))
@@ -129,6 +135,33 @@ def _mean_turns(
     size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
     middle = last - 0.5 * step * (count - 1.0)
     return np.asarray(size * np.exp(2j * np.pi * np.fmod(middle * cycles, 1.0)))
+
+
+class _Wave(OSC, register=False):
+    """A Gaussian process with the covariance of a sinusoid: an oscillator without damping."""
+
+    def exponential_sum(self, rate: float) -> ExponentialSum:
+        return ExponentialSum.of_exponential(self.scale, 2j * math.pi * self.value("frequency") / rate)
+
+
+def _closed(noise: Model, lines: Sequence[TermLine], design: Design, *, diagonal: bool) -> Matrix | None:
+    """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), or its diagonal (J,), in closed form; None if there is none.
+    It is what a Gaussian process with the covariance R adds to the sum of the covariances of both."""
+    random = [process for process in noise.processes if process.mean(1.0) == process.mean(0.0)]
+    if not lines or not random:
+        return None
+    curve = Model(tuple(random)).wavelet_variance(design.levels, design.rate, design.filter)
+    power = np.sum([line.power * np.abs(line.gain) ** 2 for line in lines], axis=0)
+    # Waves that are nowhere stronger than the noise, so that rounding of their own covariance does not matter.
+    scale = float(np.min(curve / np.where(power > 0, power, np.inf), initial=1.0, where=power > 0))
+    waves = [_Wave(abs(line.cycles) * design.rate, SHARPEST / 2, scale * line.power) for line in lines]
+    parts = [Model((*random, *waves)), Model(tuple(random)), Model(tuple(waves))]
+    if not all(gaussian.has_closed_form(part, design) for part in parts):
+        return None
+    both, *alone = (
+        gaussian.variances(part, design) if diagonal else gaussian.covariance(part, design) for part in parts
+    )
+    return np.asarray((both - sum(alone)) / scale)
 
 
 def _with_noise(noise: Model, lines: Mapping[TermLine, float], design: Design, *, diagonal: bool) -> list[Matrix]:
