@@ -133,7 +133,8 @@ def restarts(values: Vector, places: Places, lost: Places, cuts: Sequence[int]) 
         least, most = int(before[k]) + LEAST, int(after[k]) - LEAST
         near = np.arange(max(place - width, least), min(place + width, most) + 1)
         gains = differences.gains(near, place, octave=octave, width=width)
-        indices = np.flatnonzero(np.isin(near, places))
+        begin, end = np.searchsorted(places, [near[0], near[-1] + 1])
+        indices = places[begin:end] - near[0]
         nearest = indices[np.argmax(gains[indices])]
         best = nearest if gains[nearest] > np.max(gains) - _NEARER else np.argmax(gains)
         jump = int(near[best])
