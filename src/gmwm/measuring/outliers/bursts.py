@@ -174,10 +174,10 @@ class BurstCoefficients(NamedTuple):
         """Number of coefficients."""
         return self.path.size - 2
 
-    def relative(self, first: int, last: int) -> Vector:
-        """Return the absolute values of consecutive coefficients, in local standard deviations."""
-        size = np.abs(np.diff(self.path[first : last + 2], 2)) * self.unit
-        return _relative(size, np.arange(first, first + size.size), self.spread, self.piece)
+    def relative(self, at: Indices) -> Vector:
+        """Return the absolute values of the coefficients `at` (any shape), in local standard deviations."""
+        first, second, third = (self.path[at + k] for k in range(3))
+        return _relative(np.abs((third - second) - (second - first)) * self.unit, at, self.spread, self.piece)
 
 
 def _relative(size: Vector, at: Indices, spread: Vector, piece: int) -> Vector:
@@ -264,8 +264,7 @@ def _bursts(level: BurstCoefficients, small: bool) -> _LevelBursts:
     by_chance = _largest_by_chance(int(np.count_nonzero(~huge)), level.size)
     chosen = (counts >= np.where(huge, FEW, FEWEST)) & (counts > by_chance) & (positive > 0) & (positive < counts)
     if small:
-        for k in np.flatnonzero(chosen).tolist():
-            chosen[k] = _beside(level, int(at[begins[k]]), int(at[begins[k] + counts[k] - 1]) + 1) < _ALONE
+        chosen[chosen] = _beside(level, at[begins[chosen]], at[(begins + counts - 1)[chosen]] + 1) < _ALONE
     energy = np.add.reduceat(w**2, begins)
     return _LevelBursts(at[begins[chosen]], at[(begins + counts - 1)[chosen]], energy[chosen])
 
@@ -295,10 +294,11 @@ def _pulses(level: BurstCoefficients, values: Vector, fewest: int) -> _LevelBurs
         part = values[begin:end] - row_medians(values[None, max(2 * begin - end, 0) : 2 * end - begin])
         # Heavy tails have large single samples, and up to three wrong samples in a row are found without a pulse.
         largest = part[np.argmax(np.abs(part))]
-        # Beside a pulse, noise that is larger by chance does not hide it.
-        most = max(_ALONE, largest_ratio[k] / limit)
         wide = np.count_nonzero(np.abs(part / largest) > 0.5)
-        chosen[k] = wide > (2 if np.sum(part) / largest > 2.5 else 3) and _beside(level, first, last + 1) < most
+        chosen[k] = wide > (2 if np.sum(part) / largest > 2.5 else 3)
+    # Beside a pulse, noise that is larger by chance does not hide it.
+    most = np.maximum(_ALONE, largest_ratio / limit)
+    chosen[chosen] = _beside(level, at[begins[chosen]], at[ends[chosen]] + 1) < most[chosen]
     # t noise with three degrees of freedom has (5.5/3.5)³ times as many beyond 3.5, and popcorn noise lasting changes.
     count, gaussian = np.count_nonzero(chosen), 4.7e-4 * level.size
     others = max(begins.size - round(gaussian + gaussian**0.5), count)
@@ -318,12 +318,16 @@ def _largest_by_chance(groups: int, size: int) -> float:
     return 2 * math.floor(1 + math.log(_CHANCE / groups) / math.log(share)) if share < 0.9 else math.inf
 
 
-def _beside(level: BurstCoefficients, first: int, last: int) -> float:
-    """Return the spread of the noise next to a burst (standard deviations); if the variance of the noise varies, it is
+def _beside(level: BurstCoefficients, first: Indices, last: Indices) -> Vector:
+    """Return the spread of the noise next to bursts (standard deviations); if the variance of the noise varies, it is
     larger there."""
-    margin = max(last - first, APART)
-    length = max(margin, _BESIDE)
-    surroundings = [(first - margin - length, first - margin), (last + margin, last + margin + length)]
-    relative = [level.relative(max(a, 0), max(b, 0)) for a, b in surroundings]
-    spreads = [float(row_medians(part[None])[0]) for part in relative if part.size >= APART]
-    return max(spreads, default=0.0) / NORMAL_QUARTILE
+    margin, spread = np.maximum(last - first, APART), np.zeros(first.size)
+    length = np.maximum(margin, _BESIDE)
+    for start in (first - margin - length, last + margin):
+        begin, end = (np.clip(edge, 0, level.size) for edge in (start, start + length))
+        for size in np.unique(end - begin).tolist():
+            if size >= APART:
+                rows = np.flatnonzero(end - begin == size)
+                medians = row_medians(level.relative(begin[rows, None] + np.arange(size)))
+                spread[rows] = np.maximum(spread[rows], medians)
+    return spread / NORMAL_QUARTILE
