@@ -20,6 +20,7 @@ from gmwm.measuring.covariance import nodes
 from gmwm.measuring.covariance.design import Design
 from gmwm.measuring.covariance.filtered import LONGEST_SAMPLES
 from gmwm.measuring.covariance.robust import hermite_weights
+from gmwm.measuring.covariance.segments import EXACT_LENGTHS
 from gmwm.theory.processes.base import Process
 from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums, lag_table
 from gmwm.theory.processes.haar_covariance import LagGrid
@@ -75,7 +76,7 @@ class _Pairs:
     counts: Vector
 
     @staticmethod
-    @lru_cache(maxsize=8)
+    @lru_cache(maxsize=2 * EXACT_LENGTHS)
     def of(design: Design, *, diagonal: bool) -> _Pairs:
         """Return all pairs of levels, or each level with itself if `diagonal`."""
         size = design.levels.size
@@ -229,12 +230,12 @@ def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
     levels, possible = tuple(design.levels.tolist()), tuple(range(1, design.samples.bit_length()))
     if possible[: len(levels)] == levels:
         levels = possible
-    kind, values = type(process), tuple(process.nonlinear.tolist())
-    return _shape_of(kind, values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
+    values = tuple(process.nonlinear.tolist())
+    known = _shape_of if values else _only_shape_of
+    return known(type(process), values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
 
 
-@computed_once(6)
-def _shape_of(
+def _compute_shape(
     kind: type[Process], values: tuple[float, ...], *, rate: float, levels: tuple[int, ...], samples: int,
     diagonal: bool,
 ) -> _Shape:  # fmt: skip
@@ -242,6 +243,10 @@ def _shape_of(
     assert mixture is not None
     table = lag_table(j, samples, mixture, diagonal=diagonal)
     return _Shape(mixture, table, *lag_sums(j, samples, mixture, diagonal=diagonal))
+
+
+_shape_of = computed_once(6)(_compute_shape)
+_only_shape_of = computed_once(2 * EXACT_LENGTHS)(_compute_shape)  # at each length of a segment, up to 3 MB
 
 
 def _over_lags(
