@@ -76,7 +76,7 @@ class _Pairs:
     counts: Vector
 
     @staticmethod
-    @lru_cache(maxsize=2 * EXACT_LENGTHS)
+    @lru_cache(maxsize=8 * EXACT_LENGTHS)
     def of(design: Design, *, diagonal: bool) -> _Pairs:
         """Return all pairs of levels, or each level with itself if `diagonal`."""
         size = design.levels.size
@@ -205,14 +205,20 @@ def _split(present: list[Process], design: Design) -> _Split | None:
     return split if few and np.any(lasting.imag % np.pi) else None
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2 * EXACT_LENGTHS)
 def _split_of(present: tuple[Process, ...], rate: float, samples: int) -> _Split | None:
-    sums = [nodes.exponential_sum(process, rate) for process in present]
-    smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
-    terms = ExponentialSum.joined([term for term in sums if term is not None])
+    terms, smooth = _terms_of(present, rate)
     if not terms.oscillates and not all(p.shape_is_fixed for p in smooth) and all(p.memory(rate) == 0 for p in present):
         return None
     return _Split(terms, smooth) if all(process.exponential_mixture(rate, samples) for process in smooth) else None
+
+
+@lru_cache(maxsize=4)
+def _terms_of(present: tuple[Process, ...], rate: float) -> tuple[ExponentialSum, list[Process]]:
+    """Return the sum of the processes that are a sum of exponentials, and the others."""
+    sums = [nodes.exponential_sum(process, rate) for process in present]
+    smooth = [process for process, term in zip(present, sums, strict=True) if term is None]
+    return ExponentialSum.joined([term for term in sums if term is not None]), smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +302,7 @@ def _powers(
     return own, np.asarray(np.add.reduceat(terms, starts))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=2 * EXACT_LENGTHS)
 def _excess(finer: bytes, coarser: bytes, samples: int) -> Vector:
     """Compute the factor Σ_a Σ_b c_a² c_b² n(b − a) of κ₄, c = (1, −2, 1) at 0, h and 2h, for pairs of half-scales."""
     fine, coarse = np.frombuffer(finer), np.frombuffer(coarser)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 import numpy as np
 
-from gmwm.base.arrays import Matrix
+from gmwm.base.arrays import Integers, Matrix
 from gmwm.measuring.covariance.design import Design
 
 EXACT_LENGTHS = 64  # largest number of different segment lengths that are computed individually; more are interpolated
@@ -16,17 +17,20 @@ EXACT_LENGTHS = 64  # largest number of different segment lengths that are compu
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
     """Compute V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k) of independent segments; `alone` returns V_s or its diagonal."""
     counts, total = design.counts, None
-    for length, times in lengths_of(design.lengths):
-        segment = design.segment(length, counts)
-        if segment is None:
-            continue
+    for segment, times, reached in _parts(design):
         part = alone(segment)
         if total is None:
             total = np.zeros((counts.size,) * part.ndim)
-        own = segment.counts.astype(np.float64)
-        total[np.ix_(*[design.reached(length)] * part.ndim)] += times * part * _outer(own, part.ndim)
+        total[np.ix_(*[reached] * part.ndim)] += times * part * _outer(segment.counts.astype(np.float64), part.ndim)
     assert total is not None
     return np.asarray(total / _outer(counts.astype(np.float64), total.ndim))
+
+
+@lru_cache(maxsize=16)
+def _parts(design: Design) -> list[tuple[Design, float, Integers]]:
+    """Return the designs of the segments to compute, the number of segments that each represents, and its levels."""
+    parts = [(design.segment(length, design.counts), times) for length, times in lengths_of(design.lengths)]
+    return [(part, times, np.flatnonzero(design.reached(part.samples))) for part, times in parts if part is not None]
 
 
 def _outer(values: Matrix, dimensions: int) -> Matrix:

@@ -27,7 +27,7 @@ from gmwm.theory.statespace import StateSpace
 
 # Step of complex-step derivatives. Their relative error, the square of the step, is far below the rounding error.
 _LOG2 = math.log(2.0)
-_mixture = lru_cache(maxsize=16)(self_similar.mixture)
+_mixture = lru_cache(maxsize=128)(self_similar.mixture)  # for each length of a segment
 
 
 class PowerLaw(Process, abstract=True):
