@@ -40,6 +40,7 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
+from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.repairs import only_axes, repaired, without_jumps
 from gmwm.recording.repairs.beginning import without_times
 from gmwm.recording.signals import Imu, Signal
@@ -354,16 +355,18 @@ def _raw(axis: str, part: Part, conditions: Conditions) -> WaveletVariance | Non
 
 
 def _beginnings(part: Part, items: Mapping[str, AxisAccumulator], conditions: Conditions) -> dict[str, Signal]:
-    """Return the first samples for the additions, without wrong ones and knocks, which a monitor must report. The
-    effect of conditions stays, as in a monitor; if it was removed while reading, they are read again."""
+    """Return the first samples for the additions, with short gaps filled, and without wrong ones and knocks, which a
+    monitor must report. The effect of conditions stays, as in a monitor; if it was removed, they are read again."""
     beginnings = {
         axis: item.beginning
         for axis, item in items.items()
         if item.beginning is not None and conditions.applied_regression(axis) is None
     }
     again = [axis for axis in items if axis not in beginnings]
-    signals = _first_samples(part) if again else {}
-    return beginnings | {axis: clean(part_of(signals[axis], 0, needed_beginning())) for axis in again}
+    if not again:
+        return beginnings
+    signals = _first_samples(part)
+    return beginnings | fill_gaps({axis: clean(part_of(signals[axis], 0, needed_beginning())) for axis in again})
 
 
 def _first_samples(recording: Part) -> Mapping[str, Signal]:

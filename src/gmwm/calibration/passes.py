@@ -96,7 +96,6 @@ class AxisAccumulator:
             result = cleaned(signal)
             self.replaced += result.replaced
             signal = result.signal
-        self._keep_beginning(signal)
         return signal
 
     def _keep_beginning(self, signal: Signal) -> None:
@@ -130,6 +129,7 @@ class AxisAccumulator:
 
     def update(self, signal: Signal, continues: bool) -> None:
         """Add a batch of the first pass. `continues` says whether it follows the previous batch without a gap."""
+        self._keep_beginning(signal)
         if self._keep:
             self._samples.append((signal, continues))
         if self.curves is not None:
