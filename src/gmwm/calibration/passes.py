@@ -241,9 +241,10 @@ def _findings(
     if len({item.ranges for item in accumulators.values()}) > 1:
         # A sensor restarted at a gap that was filled on the axes of other sensors. Now, all axes are split there.
         with_gaps = join_batches([conditions.batch(batch) for batch in batches]).signals
-        again = fill_gaps({
-            axis: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]) for axis, item in accumulators.items()
-        })  # fmt: skip
+        again = fill_gaps(in_threads(
+            lambda axis, item: with_gaps[axis] if item.two_levels else clean(with_gaps[axis]), accumulators,
+            threads=threads,
+        ))  # fmt: skip
     return_memory()
     # The axes are joined one at a time, because together they need as much memory as the recording.
     findings = tuple(
