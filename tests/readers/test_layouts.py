@@ -320,6 +320,8 @@ QUESTIONS = [
      "accel_x:4,accel_y:5,accel_z:6,gyro_x:1,gyro_y:2,gyro_z:3,time:0"),
     ("mega-g is not milli-g", "time_s,gyro_x [dps],gyro_y [dps],gyro_z [dps],acc_x [Mg],acc_y [Mg],acc_z [Mg]",
      "unit-unknown", "units=accel:m/s²"),
+    ("a range is not a unit", "# gyro range: 250.0 dps, accel range = 4 g\ntime_s,gx,gy,gz,ax,ay,az", "unit-unnamed",
+     "gyro:rad/s"),
     ("p and q without r", "time_s,p,q,wind", "no-inertial-data", "time,gyro_x,gyro_y,gyro_z"),
 ]  # fmt: skip
 

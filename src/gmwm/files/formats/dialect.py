@@ -352,10 +352,11 @@ def _cells(text: str, columns: int, delimiter: str) -> list[str]:
 
 
 def _stated_units(comments: list[str]) -> dict[str, str]:
-    """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2"."""
+    """Return the units that comments state for a sensor, as "gyro in deg/s, accel in g" or "units: rad/s, m/s^2". A
+    unit behind a number, as in "gyro range 250 dps", is not the unit of the columns."""
     units: dict[str, str] = {}
     for line in comments:
-        text = _single_blanks(line).casefold()
+        text = _SIZE.sub(" ", _single_blanks(line).casefold())
         names_unit = "unit" in text
         for clause in re.split(r"[,;]|\band\b", text):
             about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
@@ -419,5 +420,6 @@ def _is_clear(word: str, clause: str) -> bool:
     return word in _CLEAR or (word in _LONG and stands_alone)
 
 
+_SIZE = re.compile(r"(?<![\w.^])(?<![a-z]-)[\d.]+ ?[a-z°µμ][\w°²/^.\-µμ]*")
 _LONG = {"min", "minutes", "h", "hours", "days"}
 _CLEAR = {"s", "ms", "us", "ns", "µs", "seconds", "milliseconds", "microseconds", "nanoseconds"}
