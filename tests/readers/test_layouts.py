@@ -107,6 +107,9 @@ NAMES = [
     Layout("axes by number", "pandas columns of a split array",
            table("time_s,gyro_0 (rad/s),gyro_1 (rad/s),gyro_2 (rad/s),acc_0 (m/s2),acc_1 (m/s2),acc_2 (m/s2)"),
            remarks=("left-out",)),
+    Layout("a prefix of all axes", "SD loggers of rockets: imu_ax, imu_gx",
+           table("time_s,imu_ax_ms2,imu_ay_ms2,imu_az_ms2,imu_gx_dps,imu_gy_dps,imu_gz_dps", "{t:.3f},{a},{g}",
+                 deg=True), remarks=("left-out",)),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),
@@ -322,6 +325,7 @@ QUESTIONS = [
      "unit-unknown", "units=accel:m/s²"),
     ("a range is not a unit", "# gyro range: 250.0 dps, accel range = 4 g\ntime_s,gx,gy,gz,ax,ay,az", "unit-unnamed",
      "gyro:rad/s"),
+    ("the g of imu_gx is not a unit", "time_s,imu_gx,imu_gy,imu_gz,c,d,e", "no-inertial-data", "time,gyro_x,gyro_y"),
     ("p and q without r", "time_s,p,q,wind", "no-inertial-data", "time,gyro_x,gyro_y,gyro_z"),
 ]  # fmt: skip
 
@@ -352,7 +356,7 @@ def test_the_example_of_the_option_counts_columns_of_numbers(tmp_path):
         "t," + ",".join(f"imu{unit}_{axis}" for unit in "01" for axis in ("gx", "gy", "gz", "ax", "ay", "az")) + "\n"
         + "".join(f"{k / RATE},{','.join(map(str, [*GYRO[k], *ACCEL[k]] * 2))}\n" for k in range(SIZE))
     )  # fmt: skip
-    with raises(ReadError, code="no-inertial-data") as caught:
+    with raises(ReadError, code="columns-ambiguous") as caught:
         gmwm.read(path)
     assert caught.value.facts["example"] == "time:0,gyro_x:1,gyro_y:2,gyro_z:3,accel_x:4,accel_y:5,accel_z:6"
 

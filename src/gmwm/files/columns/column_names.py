@@ -185,7 +185,9 @@ def axis_by_unit(name: str) -> tuple[str, str]:
         return "", ""
     for letter, stem in _letters(words):
         for sensor in SI_UNIT:
-            if stem and not _FIELDS & set(stem) and (unit_of(unit, sensor) or _last_unit(stem[1:], sensor)):
+            # The g of imu_gx is a gyroscope and not a unit.
+            stated = unit_of(unit, sensor) or (letter in words and _last_unit(stem[1:], sensor))
+            if stem and not _FIELDS & set(stem) and stated:
                 return f"{sensor}_{letter}", "".join(stem)
     return "", ""
 
@@ -323,16 +325,29 @@ _CLOCK = re.compile(
 """Pattern of other names of a clock, which count only if no name above does."""
 
 
-def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, int]:
-    """Return the column of each axis, and of the time, that names state together.
+def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, list[int]]:
+    """Return the columns of each axis, and of the time, that names state together; several with several prefixes.
 
     `roles` are the roles that still have no column.
 
     >>> by_short_names(["sys_time", "p [deg/s]", "q [deg/s]", "r [deg/s]"], ["gyro_x", "gyro_y", "gyro_z", "time"])
-    {'gyro_x': 1, 'gyro_y': 2, 'gyro_z': 3, 'time': 0}
+    {'gyro_x': [1], 'gyro_y': [2], 'gyro_z': [3], 'time': [0]}
+    >>> by_short_names(["ax1", *(f"imu_{s}{axis}" for s in "ag" for axis in "xyz")], AXES)["accel_x"]
+    [1]
     """
     missing, words = set(roles), ["".join(bare_words(name)) for name in names]
-    out: dict[str, int] = {}
+    out: dict[str, list[int]] = {}
+    prefixed = {
+        match.groups(): k
+        for k, (name, word) in enumerate(zip(names, words, strict=True))
+        if not (_OTHER | _NOT_SAMPLES) & set(_words(clean(name)))
+        if (match := re.fullmatch(r"(.+)([ga])([xyz])", word))
+    }
+    prefixes = [
+        p for p, s, axis in prefixed if s + axis == "gx" and all((p, t, x) in prefixed for t in "ga" for x in "xyz")
+    ]
+    if prefixes and set(AXES) <= missing:
+        out = {axis: [prefixed[p, axis[0], axis[-1]] for p in prefixes] for axis in AXES}
     for sensor, pattern, letters, neighbour in _TRIPLES:
         if not {f"{sensor}_{axis}" for axis in "xyz"} <= missing - set(out):
             continue
@@ -340,17 +355,17 @@ def by_short_names(names: Sequence[str], roles: Iterable[str]) -> dict[str, int]
             continue
         places = [(match[1], k) for k, word in enumerate(words) if (match := re.fullmatch(pattern, word))]
         if sorted(letter for letter, _ in places) == sorted(letters):
-            out |= {f"{sensor}_{'xyz'[letters.index(letter)]}": k for letter, k in places}
+            out |= {f"{sensor}_{'xyz'[letters.index(letter)]}": [k] for letter, k in places}
     implied = {axis_by_unit(name): k for k, name in enumerate(names)}
     for sensor in _SENSORS:
         axes = [f"{sensor}_{letter}" for letter in "xyz"]
         stems = {stem for _, stem in implied if all((axis, stem) in implied for axis in axes)}
         if len(stems) == 1 and set(axes) <= missing - set(out):
-            out |= {axis: implied[axis, stem] for axis in axes for stem in stems}
+            out |= {axis: [implied[axis, stem]] for axis in axes for stem in stems}
     if "time" in missing:
         joined = [re.sub(r"[^a-z]", "", clean(name).casefold()) for name in names]
         stamps = [form.index(time) for time in _TIMES for form in (words, joined) if time in form]
         french = [word == "temps" and named_unit(name, "time") for word, name in zip(words, names, strict=True)]
         stamps += [k for k, word in enumerate(words) if _CLOCK.match(word) or french[k]]
-        out |= {"time": stamps[0]} if stamps else {}
+        out |= {"time": stamps[:1]} if stamps else {}
     return dict(sorted(out.items(), key=lambda item: (*AXES, "time").index(item[0])))

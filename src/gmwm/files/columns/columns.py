@@ -181,10 +181,10 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
     names = ["" if k in used or not _has_value(cells[k]) else channel.name for k, channel in enumerate(layout.channels)]
     short = by_short_names(names, wanted - set(candidates))
     for group in (AXES[:3], AXES[3:], ("time",)):
-        if roles := tuple(role for role in group if role in short):
-            taken = tuple(layout.channels[short[role]].name for role in roles)
+        if roles := tuple(role for role in group if len(short.get(role, ())) == 1):
+            taken = tuple(layout.channels[short[role][0]].name for role in roles)
             remarks.append(Remark.of("left-out", case="short", names=taken, roles=roles))
-    candidates |= {role: [k] for role, k in short.items()}
+    candidates |= short
     for role, several in candidates.items():
         if len(several) == 1:
             continue
