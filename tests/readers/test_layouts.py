@@ -110,6 +110,10 @@ NAMES = [
     Layout("a prefix of all axes", "SD loggers of rockets: imu_ax, imu_gx",
            table("time_s,imu_ax_ms2,imu_ay_ms2,imu_az_ms2,imu_gx_dps,imu_gy_dps,imu_gz_dps", "{t:.3f},{a},{g}",
                  deg=True), remarks=("left-out",)),
+    Layout("linear acceleration beside", "LP-Research LpmsControl; also BNO055 loggers",
+           table("SensorId, TimeStamp (s), FrameNumber, AccX (g), AccY (g), AccZ (g), GyroX (deg/s), GyroY (deg/s), "
+                 "GyroZ (deg/s), LinAccX (g), LinAccY (g), LinAccZ (g)", "1, {t:.4f}, {k}, {a}, {g}, 0.1, 0.2, 0.{k}",
+                 deg=True, g=True)),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),

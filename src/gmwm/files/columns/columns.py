@@ -173,7 +173,9 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
             candidates.setdefault(role, []).append(k)
     for role, several in candidates.items():
         fixed = [k for k in several if layout.channels[k].axis == role]
-        candidates[role] = fixed or several
+        # Beside an acceleration, a linear acceleration is the one without gravity.
+        whole = [k for k in several if not re.search("(?i)lin", layout.channels[k].name)]
+        candidates[role] = fixed or whole or several
     if (stamp := _header_stamp(layout, candidates.get("time", []))) is not None:
         candidates["time"] = [stamp]
     remarks = []
