@@ -114,6 +114,14 @@ NAMES = [
            table("SensorId, TimeStamp (s), FrameNumber, AccX (g), AccY (g), AccZ (g), GyroX (deg/s), GyroY (deg/s), "
                  "GyroZ (deg/s), LinAccX (g), LinAccY (g), LinAccZ (g)", "1, {t:.4f}, {k}, {a}, {g}, 0.1, 0.2, 0.{k}",
                  deg=True, g=True)),
+    Layout("d/s and quoted blanks", "Axivity AX6, omconvert",
+           table("Time,Accel-X (g), Accel-Y (g), Accel-Z (g), Gyro-X (d/s), Gyro-Y (d/s), Gyro-Z (d/s)",
+                 "{s:%Y-%m-%d %H:%M:%S.%f},{a},{g}", deg=True, g=True, stamp=lambda time: time),
+           remarks=("time-read",)),
+    Layout("channels by number", "OpenBCI GUI, text with its settings in comments",
+           table("Sample Index, EXG Channel 0, Accel Channel 0, Accel Channel 1, Accel Channel 2, Timestamp",
+                 "{k}, 0.{k}, {a}, {wall:.6f}", g=True, head="%OpenBCI Raw EXG Data\n%Sample Rate = 100 Hz\n"),
+           sensors=("accel",), remarks=("left-out",), options={"units": {"accel": "g"}}),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),
@@ -423,7 +431,7 @@ def test_checksums_of_public_examples():
 @pytest.mark.parametrize(
     ("texts", "name"),
     [
-        ("deg/s|°/s|º/s|dps|DPS|deg_per_s|degps|degs|degrees per second|deg s^-1|deg·s⁻¹|Deg/Sec", "deg/s"),
+        ("deg/s|°/s|º/s|dps|DPS|d/s|deg_per_s|degps|degs|degrees per second|deg s^-1|deg·s⁻¹|Deg/Sec", "deg/s"),
         ("rad/s|RAD/S|rad_per_s|radps|radians/sec|rad.s^-1|rads-1", "rad/s"),
         ("mdps|mdeg/s|MDPS|milli_degrees_per_sec|m°/s", "mdeg/s"), ("µrad/s|μrad/s|urad/s", "µrad/s"),
         ("°/hr|deg/h|dph|degrees per hour", "deg/h"), ("rev/min|rpm", "rpm"),

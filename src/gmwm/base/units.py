@@ -106,11 +106,16 @@ _WORDS = {"c": "centi", "m": "milli", "u": "micro", "µ": "micro", "n": "nano", 
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180, "arcmin": math.pi / 10800, "arcsec": math.pi / 648000, "rev": 2 * math.pi}
 _LENGTHS = {"m": 1.0, "ft": 0.3048}
 _TIMES = {"s": 1, "min": 60, "h": 3600}
-_SHORT_RATES = {"dps": ("deg", "s"), "dph": ("deg", "h"), "rps": ("rad", "s"), "rpm": ("rev", "min")}
+_SHORT_RATES = {
+    **dict.fromkeys(("dps", "d/s"), ("deg", "s")),
+    "dph": ("deg", "h"),
+    "rps": ("rad", "s"),
+    "rpm": ("rev", "min"),
+}
 _PREFIX = r"(?P<prefix>milli|micro|nano|centi|[mcnuµ])??"
 _TIME = r"(?:s|sec|seconds?|secs)"
 _RATE = re.compile(
-    rf"{_PREFIX}(?:(?P<short>dps|dph|rps|rpm)|(?P<angle>deg|rad|arc-?sec|arc-?min|rev)(?:rees?|ians?|olutions?|onds?|utes?|s)?"
+    rf"{_PREFIX}(?:(?P<short>dps|d/s|dph|rps|rpm)|(?P<angle>deg|rad|arc-?sec|arc-?min|rev)(?:rees?|ians?|olutions?|onds?|utes?|s)?"
     rf"(?:/|per|p)?(?P<time>{_TIME}|min(?:ute)?s?|h(?:r|our)?s?)(?:-1)?)"
 )
 _ACCELERATION = re.compile(

@@ -38,7 +38,7 @@ _HARMLESS = {
     "raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated", "lsb", "lsbs", "count", "counts", "adc",
     "digits", "bits", "out",
 }  # fmt: skip
-_FILL_WORDS = {"axis", "in"}  # words in names such as "acceleration in g, x axis"
+_FILL_WORDS = {"axis", "in", "channel"}  # words in names such as "acceleration in g, x axis"
 _NOT_SAMPLES = {
     "accuracy", "offset", "scale", "noise", "time", "timestamp", "stamp", "counter", "clip", "clipping", "range",
     "mean", "min", "max", "rms", "norm", "enabled", "flag", "health", "type", "id", "fft", "psd", "angle", "linear",
@@ -84,8 +84,11 @@ def recognise(name: str) -> ColumnName:
         axis = _axis(words)
     if not axis:
         return _by_unit(words, tail_unit, unit_text)
-    unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
-    if tail_unit and not unit_of(tail_unit, axis) and not (tail_unit.isdigit() or tail_unit in _HARMLESS):
+    known = unit_of(tail_unit, axis)
+    unit = unit_of(unit_text, axis) or known
+    if axis == "temperature" and known == tail_unit:
+        known = ""
+    if tail_unit and not known and not (tail_unit.isdigit() or tail_unit in _HARMLESS):
         return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
     joined = "".join(words)
     if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
