@@ -122,6 +122,13 @@ NAMES = [
            table("Sample Index, EXG Channel 0, Accel Channel 0, Accel Channel 1, Accel Channel 2, Timestamp",
                  "{k}, 0.{k}, {a}, {wall:.6f}", g=True, head="%OpenBCI Raw EXG Data\n%Sample Rate = 100 Hz\n"),
            sensors=("accel",), remarks=("left-out",), options={"units": {"accel": "g"}}),
+    Layout("a row of units, not all known", "Shimmer3, Consensys",
+           table("S_1_Timestamp_Unix_CAL\tS_1_Accel_LN_X_CAL\tS_1_Accel_LN_Y_CAL\tS_1_Accel_LN_Z_CAL\tS_1_Gyro_X_CAL\t"
+                 "S_1_Gyro_Y_CAL\tS_1_Gyro_Z_CAL\tS_1_Mag_X_CAL\t\nms\tm/(s^2)\tm/(s^2)\tm/(s^2)\tdeg/s\tdeg/s\tdeg/s\t"
+                 "local_flux\t", "{ms}\t{a}\t{g}\t0.{k}\t", deg=True, head='"sep=\t"\n')),
+    Layout("a time column without values", "TotalCapture, table of Xsens sensors",
+           table("PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", "{k},,{a},{g}"),
+           options={"rate": RATE, "units": {"gyro": "rad/s", "accel": "m/s2"}}),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),

@@ -106,12 +106,8 @@ _WORDS = {"c": "centi", "m": "milli", "u": "micro", "µ": "micro", "n": "nano", 
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180, "arcmin": math.pi / 10800, "arcsec": math.pi / 648000, "rev": 2 * math.pi}
 _LENGTHS = {"m": 1.0, "ft": 0.3048}
 _TIMES = {"s": 1, "min": 60, "h": 3600}
-_SHORT_RATES = {
-    **dict.fromkeys(("dps", "d/s"), ("deg", "s")),
-    "dph": ("deg", "h"),
-    "rps": ("rad", "s"),
-    "rpm": ("rev", "min"),
-}
+_DEGREES = ("deg", "s")
+_SHORT_RATES = {"dps": _DEGREES, "d/s": _DEGREES, "dph": ("deg", "h"), "rps": ("rad", "s"), "rpm": ("rev", "min")}
 _PREFIX = r"(?P<prefix>milli|micro|nano|centi|[mcnuµ])??"
 _TIME = r"(?:s|sec|seconds?|secs)"
 _RATE = re.compile(

@@ -150,6 +150,9 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
     if decimal_comma and not commas:
         require_clear_commas(complete, names, f"{path}, from line {first_line} on")
     filled = [[row[c] for row in complete if row[c]] for c in range(columns)]
+    # Without a value, as SampleTimeFine of some exports, a column is not the time.
+    timeless = [not cells and recognise(name).axis == "time" for name, cells in zip(names, filled, strict=False)]
+    names = tuple("" if empty else name for name, empty in zip(names, timeless, strict=True))
     integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
@@ -296,7 +299,10 @@ def _header(
         elif len(cells) == columns and not names:
             names = tuple(clean(cell) for cell in cells)
         elif len(cells) == columns and not _axes(names):
-            names = _below(cells, names)
+            if not units and _axes(cells) and any(map(is_unit, names)):  # not all units are known
+                names, units = tuple(map(clean, cells)), names
+            else:
+                names = _below(cells, names)
     if not names and header and len(header[-1][1]) == columns - 1 and _axes(header[-1][1]):
         # `write.table` of R does not name the column of the row names.
         names = ("", *(clean(cell) for cell in header[-1][1]))
