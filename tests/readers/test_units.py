@@ -192,3 +192,7 @@ def test_counts_around_the_middle_of_their_range_are_named(tmp_path):
     signed = saved(tmp_path, counts - 2**15, ["wx", "wy", "wz", "ax", "ay", "az"])
     imu = read(signed, rate=100, units={"gyro": "deg/s", "accel": "g"}, scale={"gyro": 1 / 131, "accel": 1 / 8192})
     assert "counts-offset" not in codes(imu.remarks)
+    with raises(UnitError, "whole, as counts are", code="unit-unnamed", advises=["gyro=1/131", "'gyro': 'deg/s'"]):
+        read(signed, rate=100)
+    with raises(UnitError, code="unit-implausible", advises=["accel=1/16384"]):
+        read(signed, rate=100, units={"gyro": "deg/s"})

@@ -70,9 +70,16 @@ def offset_counts(axes: Sequence[str], values: Mapping[str, Vector]) -> bool:
     )
 
 
-def offset_words(axes: Sequence[str], values: Mapping[str, Vector]) -> str:
-    """Return a sentence for the message on an unknown unit if the numbers are counts with an offset; otherwise ""."""
-    return ". The numbers are counts of 16 bits with an offset of 32768" if offset_counts(axes, values) else ""
+def _counts(sensor: str, axes: Sequence[str], values: Mapping[str, Vector]) -> tuple[str, str]:
+    """Return a sentence and the advice for the message on an unknown unit if all numbers are whole; otherwise ""."""
+    if not all(np.array_equal(np.rint(values[axis]), values[axis]) for axis in axes):
+        return "", ""
+    kind = "counts of 16 bits with an offset of 32768" if offset_counts(axes, values) else "whole, as counts are"
+    unit, size = {"gyro": ("deg/s", 131), "accel": ("g", 16384)}[sensor]
+    return f". The numbers are {kind}", (
+        f"For counts, pass {{--units={sensor}:{unit}}}, and with {{--scale}} the size of a count from the data sheet: "
+        f"{sensor}=1/{size} for {size} counts per {unit}."
+    )
 
 
 def parse_scale(text: str | None) -> dict[str, float] | None:
@@ -119,7 +126,8 @@ def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float)
     densities = {"deg/s": density, "rad/s": math.degrees(density)}
     readings = "; ".join(_reading(unit, value) for unit, value in densities.items())
     likely = _by_turns(values, rate)
-    witness = f". The turns of gravity agree with {likely}" if likely else offset_words(axes, values)
+    words, counts = _counts("gyro", axes, values)
+    witness = f". The turns of gravity agree with {likely}" if likely else words
     usual = [likely] if likely else [unit for unit, value in densities.items() if _USUAL[0] <= value < _USUAL[1]]
     first = usual[0] if len(usual) == 1 else ""
     other = next(unit for unit in densities if unit != (first or "deg/s"))
@@ -130,7 +138,7 @@ def unknown_gyro(axes: Sequence[str], values: Mapping[str, Vector], rate: float)
         advice=(
             f"It is probably {{--units=gyro:{first}}}, otherwise {{--units=gyro:{other}}}."
             if first
-            else "State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}."
+            else counts or "State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}."
         ),
     )
 
@@ -358,9 +366,10 @@ def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Rem
         gravity = STANDARD_GRAVITY / parse_unit(name, "accel").factor
         if abs(norm / gravity - 1) <= _NEAR_GRAVITY:
             return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
+    words, counts = _counts("accel", axes, values)
     raise UnitError(
         f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
-        "(m/s²)" + offset_words(axes, values), code="unit-implausible", advice=_STATE_ACCEL,
+        "(m/s²)" + words, code="unit-implausible", advice=counts or _STATE_ACCEL,
     )  # fmt: skip
 
 
