@@ -152,6 +152,19 @@ PROGRAMS = [
     Layout("a title above the axes", "Adafruit BNO08x library for CircuitPython, simpletest", table(
         "", "Acceleration:\nX: {A[0]}  Y: {A[1]} Z: {A[2]}  m/s^2\nGyro:\nX: {G[0]} Y: {G[1]} Z: {G[2]} rads/s"),
         "serial.txt", options={"rate": RATE}),
+    Layout("one axis in each line", "serial output of FDILink modules", table(
+        "", "Gyroscope_X(rad/s): {G[0]}\nGyroscope_Y(rad/s): {G[1]}\nGyroscope_Z(rad/s): {G[2]}\n"
+        "Accelerometer_X(m/s^2): {A[0]}\nAccelerometer_Y(m/s^2): {A[1]}\nAccelerometer_Z(m/s^2): {A[2]}\n"
+        "Timestamp(us): {us}"), "log.txt"),
+    Layout("equal lines below titles", "Arduino MKR IoT Carrier, sketches of its IMU", table(
+        "", "IMU module\nGyroscope:\n\t X:{G[0]}\n\t Y:{G[1]}\n\t Z:{G[2]}\nAccelerometer:\n\t X:{A[0]}\n\t Y:{A[1]}\n"
+        "\t Z:{A[2]}"), "log.txt", options={"rate": RATE, **SI}),
+    Layout("values in parentheses", "M5Stack, AHRS examples", table(
+        "boot", "M5StackAHRS:\n gyro=({G[0]},{G[1]},{G[2]})\n accl=({A[0]},{A[1]},{A[2]})\n ahrs=(1,2,{k})"), "log.txt",
+        options={"rate": RATE, **SI}),
+    Layout("units before brackets", "SparkFun ICM-20948 library, Example1_Basics", table(
+        "", "Scaled. Acc (m/s2) [ {A[0]}, {A[1]}, {A[2]} ], Gyr (DPS) [ {G[0]}, {G[1]}, {G[2]} ], "
+        "Mag (uT) [ 1, 2, {k} ], Tmp (C) [ 00025.78 ]", deg=True), "log.txt", options={"rate": RATE}),
     Layout("logging of Python", "Python documentation, logging: asctime and levelname", table(
         "INFO:root:ready", "{s} INFO gx={G[0]} gy={G[1]} gz={G[2]} ax={A[0]} ay={A[1]} az={A[2]}",
         stamp=lambda time: f"{time:%Y-%m-%d %H:%M:%S,%f}"[:-3]), "log.log", options=SI),

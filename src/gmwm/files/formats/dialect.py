@@ -172,7 +172,7 @@ def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[st
     for k, name in enumerate(names or [""] * len(rows[0] if rows else ())):
         values = sorted({row[k] for row in rows})
         numbered = name.casefold() in _SENSOR_COLUMNS and all(value.isdecimal() for value in values)
-        if 1 < len(values) <= 16 and (numbered or any(map(sensor_word, values))):
+        if 1 < len(values) <= 16 and len(rows[0]) > 3 and (numbered or any(map(sensor_word, values))):
             return k, tuple(values)
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import ReadError
-from gmwm.base.units import TIME_UNITS
+from gmwm.base.units import AXES, TIME_UNITS
 from gmwm.files.clock.missing_values import MISSING, is_missing
 from gmwm.files.clock.text_stamps import is_stamp, is_time_of_day
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
@@ -23,7 +23,10 @@ Replacement = tuple[bytes, bytes]  # pattern and text that replaces it
 
 _SAMPLE, _WIDTH = 50, 1000  # number of lines that show the forms, and of their first characters
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
-_LABEL = r"[A-Za-z_][\w.]*(?: [XYZxyz])?\s*[:=]\s*"
+_WORD = r"[A-Za-z_][\w.]*"
+_FIRST = rf"(?<![\w./°])(?<!\d )(?<!\d  ){_WORD}[ \t]+"  # the first of two words, which is not a unit behind a number
+_BRACKET = r" ?[\[(][^\])\d][^\])]*[\])]"  # a unit
+_LABEL = rf"(?:{_FIRST})?{_WORD}(?: [XYZxyz])?(?:(?:{_BRACKET})?\s*[:=]\s*|{_BRACKET}\s*(?=\[))"
 _UNIT = r"[A-Za-zµ°][\w/^²°µ-]*"
 _VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?= {{0,2}}{_UNIT}))(?: {{0,2}}({_UNIT})(?=[\s,;|]|$))?"
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
@@ -100,6 +103,8 @@ def line_forms(lines: Sequence[str]) -> LineForms:
 
     >>> line_forms(["ax: 0.1 g, gx: 2 dps"] * 4).names
     ('ax [g]', 'gx [dps]')
+    >>> line_forms(["Scaled. Acc (mg) [ 1.0, 2.0, 3.0 ], Tmp (C) [ 5.0 ]"] * 4).names[2:]
+    ('Scaled. Acc_z [mg]', 'Tmp [C]')
     >>> line_forms(["Gyr: 1 2 3 Acc: 4 5 6"] * 4).names[:4]
     ('Gyr_x', 'Gyr_y', 'Gyr_z', 'Acc_x')
     """
@@ -127,7 +132,7 @@ def line_forms(lines: Sequence[str]) -> LineForms:
         replacements = [(old, b" " if old == b" -> " else new) for old, new in replacements]
         replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
         names = (*["time"] * arrows, *names)
-        replacements.append((rb"[,;|](?=\s)", b""))
+        replacements.append((rb"(?<!:\d\d)[,;|]", b" "))  # but not a comma before a fraction of a second
     return LineForms(tuple(replacements), names, units)
 
 
@@ -153,14 +158,17 @@ def _labelled(line: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     sensor = ""
     for label, body in zip(["time", *pieces[::2]], [head, *pieces[1::2]], strict=True):
         values = re.findall(_VALUE, body)
-        if re.sub(r"[\s,;|()\[\]{}]", "", re.sub(_VALUE, "", body)) or not all(
+        if re.sub(r"[\s,;|()\[\]{}%]", "", re.sub(_VALUE, "", body)) or not all(
             is_unit(unit) for _, unit in values if unit
         ):
             return (), ()
         units = [unit for _, unit in values]
         if not pieces:
             return (), (tuple(units) if any(units) else ())
-        stem = label.rstrip(" \t:=")
+        if label == "time" and not body.strip():
+            continue
+        words, _, unit = label.rstrip(" \t:=)]").partition("(" if "(" in label else "[")
+        stem, units = words.strip(), [value or unit for value in units]
         if sensor and stem in ("X", "Y", "Z", "x", "y", "z"):  # Acceleration X: 0.1, Y: 0.2, Z: 9.8
             stem = f"{sensor}_{stem}"
         else:
@@ -180,15 +188,23 @@ def first_of_sample(lines: Sequence[str]) -> str:
     >>> first_of_sample(["Gyro x: 1 y: 2", "Acc x: 3 y: 4"] * 9)
     'Gyro x: # y: #'
     """
-    shapes = [shape for shape in map(shape_of, lines) if shape]
+    lines = [line[:_WIDTH].strip() for line in lines if line.strip()]
+    shapes = list(map(shape_of, lines))
     counts = Counter(shapes)
-    first = next((shape for shape in shapes if 1.5 * counts[shape] > max(counts.values())), "")
-    places = [k for k, shape in enumerate(shapes) if shape == first]
-    periods = Counter(after - before for before, after in pairwise(places))
-    period, count = periods.most_common(1)[0] if len(places) > 8 else (1, 0)
-    cycle = shapes[places[-2] : places[-1]] if period > 1 else []
-    labelled = [re.search(r"(?<![\w-])[A-Za-z][\w ]*[:=]\s*#", shape) is not None for shape in cycle if "#" in shape]
-    return first if labelled and all(labelled) and count > 0.8 * (len(places) - 1) else ""
+    often = max(counts.values(), default=0) / 6  # a shape may occur several times in a sample
+    for first in dict.fromkeys(shape for shape in shapes if counts[shape] > max(often, 8)):
+        places = [k for k, shape in enumerate(shapes) if shape == first]
+        period, count = Counter(after - before for before, after in pairwise(places)).most_common(1)[0]
+        names, _ = _labelled(joined(lines[places[-2] : places[-1]] if period > 1 else []))
+        axes = [recognise(name).axis for name in names if recognise(name).axis in AXES]
+        if axes and len(set(axes)) == len(axes) and count > 0.8 * (len(places) - 1):
+            return first
+    return ""
+
+
+def joined(lines: Iterable[str]) -> str:
+    """Return the lines of a sample as one line, without those that have neither a number nor a label."""
+    return "; ".join(line.strip() for line in lines if re.search(r"\d|[:=]\s*$", line))
 
 
 def shape_of(line: str) -> str:

@@ -23,8 +23,9 @@ from gmwm.base.errors import ReadError
 from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
-from gmwm.files.formats.line_forms import first_of_sample, shape_of
+from gmwm.files.formats.line_forms import first_of_sample, joined, shape_of
 from gmwm.files.formats.text import Place, TextReader
+from gmwm.files.formats.text_rows import as_text
 
 if TYPE_CHECKING:
     import polars as pl
@@ -244,14 +245,19 @@ class _JoinedSource(ConvertedSource):
 
     def _blocks(self, file: BinaryIO) -> Iterator[bytes]:
         with self.inner.open() as begin:
-            first = first_of_sample(begin.read(HEAD_BYTES).decode("latin-1").split("\n")[:-1])
-        sample: list[bytes] = []
-        for line in file:
-            if sample and shape_of(line.decode("latin-1")) == first:
-                yield b" ".join(sample) + b"\n"
+            first = first_of_sample(_lines(begin.read(HEAD_BYTES)))
+        sample: list[str] = []
+        for line in map(as_text, file):
+            if sample and shape_of(line) == first:
+                yield joined(sample).encode() + b"\n"
                 sample = []
-            sample += [line.strip()] if line.strip() else []
-        yield b" ".join(sample) + b"\n"
+            sample += [line] if line.strip() else []
+        yield joined(sample).encode() + b"\n"
+
+
+def _lines(head: bytes) -> list[str]:
+    """Return the complete lines in the first bytes of a file."""
+    return list(map(as_text, head.split(b"\n")[:-1]))
 
 
 class _RecordReader(TextReader):
@@ -310,5 +316,5 @@ class LinesReader(_RecordReader):
 
     def sniff(self, path: Path, head: bytes) -> float:
         """Return 0.6, a little more than for other text, if a sample has several lines with labels."""
-        text = b"\0" not in head and b":" in head and bool(first_of_sample(head.decode("latin-1").split("\n")[:-1]))
+        text = b"\0" not in head and (b":" in head or b"=" in head) and bool(first_of_sample(_lines(head)))
         return 0.6 if text else 0.0

@@ -193,7 +193,7 @@ class RowParser:
             if raw.isspace():
                 continue
             raw = raw.removesuffix(b"\n")
-            text = _text(raw)
+            text = as_text(raw)
             if text.strip().encode() in self.headers:
                 continue
             row = bool(text.strip()) and not comment_sign(text) == self.dialect.comment != ""
@@ -228,7 +228,7 @@ class RowParser:
     def _lines(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
         """Yield the rows of a block that begins in `line`, each with its line number."""
         for number, raw in enumerate(BytesIO(block), line):
-            text = _text(raw.removesuffix(b"\n"))
+            text = as_text(raw.removesuffix(b"\n"))
             if text.strip().encode() in self.headers:
                 continue
             if text.strip() and not comment_sign(text) == self.dialect.comment != "":
@@ -276,7 +276,7 @@ class RowParser:
         return None
 
 
-def _text(line: bytes) -> str:
+def as_text(line: bytes) -> str:
     """Decode a line to a string, without the carriage return of Windows."""
     try:
         return line.decode("utf-8").strip("\r")
