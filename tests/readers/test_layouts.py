@@ -367,6 +367,9 @@ def test_the_example_of_the_option_counts_columns_of_numbers(tmp_path):
     with raises(ReadError, code="columns-unnamed") as caught:
         gmwm.read(path)
     assert caught.value.facts["example"] == ",time,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z,"
+    path.write_text("".join(f"a/g:\t{k % 9}\t7\t16384\t42\t-18\t17\n" for k in range(SIZE)))  # counts of i2cdevlib
+    with raises(ReadError, code="columns-unnamed", example=",accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z"):
+        gmwm.read(path)
     path.write_text(r_table([f'"V{k}"' for k in range(1, 7)]))
     with raises(ReadError, code="no-inertial-data") as caught:
         gmwm.read(path)

@@ -152,6 +152,10 @@ PROGRAMS = [
     Layout("a title above the axes", "Adafruit BNO08x library for CircuitPython, simpletest", table(
         "", "Acceleration:\nX: {A[0]}  Y: {A[1]} Z: {A[2]}  m/s^2\nGyro:\nX: {G[0]} Y: {G[1]} Z: {G[2]} rads/s"),
         "serial.txt", options={"rate": RATE}),
+    Layout("log lines with colours", "ESP-IDF, ESP_LOGI on a serial port", table(
+        "\x1b[0;32mI (250) imu: ready\x1b[0m", "\x1b[0;32mI ({ms}) MPU: Accel: X={A[0]}, Y={A[1]}, Z={A[2]}\x1b[0m\n"
+        "\x1b[0;32mI ({ms}) MPU: Gyro: X={G[0]}°/s, Y={G[1]}°/s, Z={G[2]}°/s\x1b[0m", deg=True), "log.txt",
+        options={"units": {"accel": "m/s2", "time": "ms"}}),
     Layout("one axis in each line", "serial output of FDILink modules", table(
         "", "Gyroscope_X(rad/s): {G[0]}\nGyroscope_Y(rad/s): {G[1]}\nGyroscope_Z(rad/s): {G[2]}\n"
         "Accelerometer_X(m/s^2): {A[0]}\nAccelerometer_Y(m/s^2): {A[1]}\nAccelerometer_Z(m/s^2): {A[2]}\n"

@@ -219,12 +219,12 @@ def _first_cells(layout: Layout) -> str:
 
 
 def _is_gravity(cells: Sequence[str]) -> bool:
-    """Return whether the norm of three numbers is standard gravity in m/s² or g, within 10 %."""
+    """Return whether the norm of three numbers is gravity in m/s², g or counts (2¹⁰ to 2¹⁴ per g), within 10 %."""
     try:
         norm = math.hypot(*map(float, cells))
     except ValueError:
         return False
-    return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0))
+    return any(abs(norm / gravity - 1) <= 0.1 for gravity in (STANDARD_GRAVITY, 1.0, *(2**k for k in range(10, 15))))
 
 
 def _guess(layout: Layout) -> str:

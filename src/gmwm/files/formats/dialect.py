@@ -16,6 +16,7 @@ from gmwm.base.units import TIME_UNITS, find_time_unit
 from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.formats.line_forms import (
+    COLOURS,
     WITHOUT_GROUPS,
     WITHOUT_POINTS,
     LineForms,
@@ -94,6 +95,9 @@ def comment_sign(line: str) -> str:
 
 def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str, ...] = ()) -> TextDialect:
     """Detect the dialect from the first lines, with known `commas` and with `names` that are not in the lines."""
+    colours = (COLOURS,) if any("\x1b[" in line for line in lines) else ()
+    if colours:
+        lines = [re.sub(COLOURS[0].decode(), "", line) for line in lines]
     lines = plain_header(lines)
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -103,7 +107,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
             advice="Check whether the recording was interrupted.",
         )
     forms = LineForms(names=names) if names else line_forms([line for _, line in body])
-    cleaning = forms.replacements
+    cleaning = (*colours, *forms.replacements)
     body = [(k, forms.rewritten(line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
     grouped = WITHOUT_POINTS if decimal_comma else None

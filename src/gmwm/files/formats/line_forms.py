@@ -32,6 +32,7 @@ _VALUE = rf"({_NUMBER}|[-+]?\d+\.?\d*(?= {{0,2}}{_UNIT}))(?: {{0,2}}({_UNIT})(?=
 _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
 WEEK = (_WEEK_SECONDS.encode(), b"")  # replacement that removes the week from time stamps such as 2190:345600.005
+COLOURS = (rb"\x1b\[[\d;]*m", b"")  # replacement that removes the colours that loggers write for terminals
 
 _DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
@@ -203,8 +204,9 @@ def first_of_sample(lines: Sequence[str]) -> str:
 
 
 def joined(lines: Iterable[str]) -> str:
-    """Return the lines of a sample as one line, without those that have neither a number nor a label."""
-    return "; ".join(line.strip() for line in lines if re.search(r"\d|[:=]\s*$", line))
+    """Return the lines of a sample as one line with one time, without those that have neither a number nor a label."""
+    first, *others = [line.strip() for line in lines if re.search(r"\d|[:=]\s*$", line)] or [""]
+    return "; ".join([first, *(re.sub(r"^[A-Z]? ?[\[(]\d+(?:\.\d+)?[\])]", "", line) for line in others)])
 
 
 def shape_of(line: str) -> str:

@@ -19,7 +19,7 @@ from gmwm.files.columns.known_tables import known_table, names_by_file, stated_s
 from gmwm.files.contract import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register, without_guests
 from gmwm.files.formats.byte_sources import FileSource, recoded, text_encoding
 from gmwm.files.formats.dialect import Commas, TextDialect, detect, sensor_word, split_line
-from gmwm.files.formats.line_forms import WEEK, is_number
+from gmwm.files.formats.line_forms import COLOURS, WEEK, is_number
 from gmwm.files.formats.text_rows import OR_SKIP, RowParser
 
 BLOCK_BYTES = 8 << 20  # number of bytes in a block: enough to parse in parallel, and several blocks fit into memory
@@ -51,6 +51,7 @@ class TextReader(Reader):
         """Return 0.5 for text with a digit, 0.1 for other text, and 0.05 for text with zero bytes."""
         if text_encoding(head):
             return 0.5
+        head = re.sub(*COLOURS, head)
         if any(bytes([c]) in head for c in (*range(1, 9), *range(14, 32))):
             return 0.0
         if b"\0" in head:

@@ -22,7 +22,7 @@ from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, ti
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
 from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, TextDialect, comment_sign, split_line
-from gmwm.files.formats.line_forms import is_grouped, is_number
+from gmwm.files.formats.line_forms import COLOURS, is_grouped, is_number
 
 if TYPE_CHECKING:
     import polars as pl
@@ -277,7 +277,8 @@ class RowParser:
 
 
 def as_text(line: bytes) -> str:
-    """Decode a line to a string, without the carriage return of Windows."""
+    """Decode a line to a string, without colours and the carriage return of Windows."""
+    line = re.sub(*COLOURS, line)
     try:
         return line.decode("utf-8").strip("\r")
     except UnicodeDecodeError:
