@@ -129,6 +129,13 @@ NAMES = [
     Layout("a time column without values", "TotalCapture, table of Xsens sensors",
            table("PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", "{k},,{a},{g}"),
            options={"rate": RATE, "units": {"gyro": "rad/s", "accel": "m/s2"}}),
+    Layout("vectors of a timetable", "MATLAB, writetimetable of messages of ROS",
+           table("Time,AngularVelocity_1,AngularVelocity_2,AngularVelocity_3,LinearAcceleration_1,LinearAcceleration_2,"
+                 "LinearAcceleration_3", "{t:.2f} sec,{g},{a}"), remarks=("left-out",),
+           options={"units": {"gyro": "rad/s", "accel": "m/s2"}}),
+    Layout("semicolons behind commas", "WISDM, raw accelerometers of phones",
+           table("user,activity,timestamp,x,y,z;", "33,Jogging,{ns},{a};"), sensors=("accel",),
+           options={"columns": {"time": 2, "accel_x": 3, "accel_y": 4, "accel_z": 5}, "units": {"accel": "m/s2"}}),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),
@@ -345,6 +352,8 @@ QUESTIONS = [
     ("a range is not a unit", "# gyro range: 250.0 dps, accel range = 4 g\ntime_s,gx,gy,gz,ax,ay,az", "unit-unnamed",
      "gyro:rad/s"),
     ("the g of imu_gx is not a unit", "time_s,imu_gx,imu_gy,imu_gz,c,d,e", "no-inertial-data", "time,gyro_x,gyro_y"),
+    ("not a message of ROS", "time_s,angular_velocity_x,angular_velocity_y,angular_velocity_z,acceleration_x,"
+     "acceleration_y,acceleration_z", "unit-unnamed", "gyro:rad/s"),
     ("p and q without r", "time_s,p,q,wind", "no-inertial-data", "time,gyro_x,gyro_y,gyro_z"),
 ]  # fmt: skip
 

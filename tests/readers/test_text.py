@@ -67,6 +67,13 @@ GOOD = {
 }
 
 
+def test_a_comment_may_come_later_than_the_lines_that_show_the_form(tmp_path):
+    values = np.random.default_rng(6).normal([0, 0, 0, 0, 0, 9.8], 0.05, (4000, 6)).round(6)
+    lines = rows(values=values).splitlines(keepends=True)
+    path = saved(tmp_path, PLAIN + "".join(lines[:3000]) + "# card full\n" + "".join(lines[3000:]))
+    assert len(read(path)) == 4000
+
+
 @pytest.mark.parametrize("content", GOOD.values(), ids=GOOD.keys())
 def test_the_same_numbers_however_they_are_written(tmp_path, content):
     imu = read(saved(tmp_path, content))

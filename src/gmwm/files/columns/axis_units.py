@@ -6,6 +6,7 @@ increments are converted with factors in the file or declared ones."""
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -325,7 +326,10 @@ def _stated_unit(
         raise _unknown_unit(unknown, axis, quantity)
     if quantity in layout.units:
         return _StatedUnit(parse_unit(layout.units[quantity], quantity).name, "comment")
-    if recognise(channel.name).ros:
+    # angular_velocity_x without an acceleration of ROS beside it is also a name of other programs.
+    fields = [column for column in (recognise(other.name) for other in layout.channels) if column.ros]
+    several = len({axis_quantity(column.axis) for column in fields}) > 1
+    if recognise(channel.name).ros and (several or re.search("[./]", channel.name)):
         return _StatedUnit(SI_UNIT[quantity], "ros")
     return _StatedUnit()
 

@@ -273,7 +273,7 @@ def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
         splits.append((words[-1], words[:-1]))
     elif words[0] in {"x", "y", "z"} and len(words) > 1:
         splits.append((words[0], words[1:]))
-    elif len(words[-1]) > 1 and words[-1][-1] in "xyz":
+    elif len(words[-1]) > 1 and words[-1][-1] in "xyz" and not words[-1].endswith("velocity"):
         splits.append((words[-1][-1], [*words[:-1], words[-1][:-1]]))
         if words[-1][0] in "xyz":
             splits.append((words[-1][0], [*words[:-1], words[-1][1:]]))

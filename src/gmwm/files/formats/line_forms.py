@@ -114,6 +114,8 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     if re.search(r"(?i)utc|hhmmss", "".join(lines[: len(lines) // 2][:20])) and all(map(_DIGITS.match, sample)):
         replacements.append((f"(?m){_DIGITS.pattern}".encode(), rb"\1:\2:\3\4"))
     half = len(sample) / 2
+    if sum("," in line and line.rstrip().endswith(";") for line in sample) > half:
+        replacements.append((rb"(?m);\s*$", b""))  # as in C
     arrows = sum(_ARROW.match(line) is not None for line in sample) > half
     if arrows:
         text = sample[-1].partition(" -> ")[2]

@@ -21,7 +21,7 @@ from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 from gmwm.files.contract import Layout, Rows
 from gmwm.files.formats.byte_sources import FileSource
-from gmwm.files.formats.dialect import BLANKS, MISSING_WORDS, TextDialect, comment_sign, split_line
+from gmwm.files.formats.dialect import BLANKS, COMMENT_SIGNS, MISSING_WORDS, TextDialect, comment_sign, split_line
 from gmwm.files.formats.line_forms import COLOURS, is_grouped, is_number
 
 if TYPE_CHECKING:
@@ -62,7 +62,8 @@ class RowParser:
         # The last column is always read, because a short row has a null there.
         self.projection = sorted({*wanted, dialect.columns - 1, *(dialect.sensor or ())[:1]})
         self.cleaning = [(re.compile(pattern), replacement) for pattern, replacement in dialect.cleaning]
-        self.sign = dialect.comment.encode()
+        self.comment = dialect.comment or COMMENT_SIGNS[0]  # a comment may come late
+        self.sign = self.comment.encode()
 
     def parse(self, block: bytes, line: int) -> Rows | None:
         """Return the numbers of a block that begins in `line`; None if it has no row."""
@@ -114,7 +115,7 @@ class RowParser:
 
     def count(self, block: bytes, line: int) -> int:
         """Return the number of rows in a block; it is parsed only if it has quotes or comments."""
-        if b'"' in block or (self.sign and self.sign in block):
+        if b'"' in block or self.sign in block:
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
         has_header = any(header in block for header in self.headers)
@@ -163,7 +164,7 @@ class RowParser:
                 separator=self.dialect.delimiter,
                 decimal_comma=self.dialect.decimal_comma,
                 # Polars searches every line for the comment sign, so it is passed only if there is one.
-                comment_prefix=self.dialect.comment if self.sign and self.sign in block else None,
+                comment_prefix=self.comment if self.sign in block else None,
                 quote_char='"' if b'"' in block else None,
                 null_values=list(MISSING_WORDS) if _has_words(block) else None,
             )
@@ -179,7 +180,7 @@ class RowParser:
 
     def _even(self, block: bytes) -> bool:
         """Return whether each line of a block has the right number of cells, by a count of the delimiters."""
-        if self.dialect.delimiter == BLANKS or b'"' in block or (self.sign and self.sign in block):
+        if self.dialect.delimiter == BLANKS or b'"' in block or self.sign in block:
             return False
         sign, counts = self.dialect.delimiter.encode(), {self.dialect.fields - 1, self.dialect.columns - 1}
         return all(line.count(sign) in counts for line in _without_blank_lines(block).split(b"\n") if line.strip())
@@ -196,7 +197,7 @@ class RowParser:
             text = as_text(raw)
             if text.strip().encode() in self.headers:
                 continue
-            row = bool(text.strip()) and not comment_sign(text) == self.dialect.comment != ""
+            row = bool(text.strip()) and comment_sign(text) != self.comment
             error = self._error_in(text, number, block, line) if row else None
             if error is not None and not self.layout.skip_bad_lines:
                 raise error
@@ -231,7 +232,7 @@ class RowParser:
             text = as_text(raw.removesuffix(b"\n"))
             if text.strip().encode() in self.headers:
                 continue
-            if text.strip() and not comment_sign(text) == self.dialect.comment != "":
+            if text.strip() and comment_sign(text) != self.comment:
                 yield number, text
 
     def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
