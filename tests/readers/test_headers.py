@@ -30,7 +30,7 @@ def test_axis_by_name(axis, name):
         ("accel_x_m_s2", "m/s²"), ("time_us", "us"), ("t_ms", "ms"), ("timestamp [ns]", "ns"), ("Time (s)", "s"),
         ("sensor_time_ns", "ns"), ("time", ""), ("gyro_x", ""), ("gyro_x [g]", ""), ("temp [°C]", "°C"),
         ("temp_F", "°F"), ("Temperature (K)", "K"), ("imu_temp [deg F]", "°F"), ("temperature [mdegC]", "m°C"),
-        ("temp (m°C)", "m°C"),
+        ("temp (m°C)", "m°C"), ("gyro x (0.1 dps)", "0.1 dps"), ("GForceX (g)", "g"),
     ],
 )  # fmt: skip
 def test_unit_by_name(name, unit):

@@ -136,6 +136,10 @@ NAMES = [
     Layout("semicolons behind commas", "WISDM, raw accelerometers of phones",
            table("user,activity,timestamp,x,y,z;", "33,Jogging,{ns},{a};"), sensors=("accel",),
            options={"columns": {"time": 2, "accel_x": 3, "accel_y": 4, "accel_z": 5}, "units": {"accel": "m/s2"}}),
+    Layout("a size before the unit", "x-io x-BIMU Logger",
+           table("time (ms),gyroscope x (0.1 deg/s),gyroscope y (0.1 deg/s),gyroscope z (0.1 deg/s),"
+                 "accelerometer x (mg),accelerometer y (mg),accelerometer z (mg),packet counter", "{ms},{g},{a},{k}",
+                 deg=True, g=True, scale=(0.1, 1e-3)), remarks=("unit-named",)),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),
@@ -267,6 +271,10 @@ TABLES = [
     Layout("long table with values in order", "CSV of phone loggers: sensor, time, values",
            lambda: long(_WORDS, "sensor;time_ms;value1;value2;value3", "{label};{ms};{x!r};{y!r};{z!r}"),
            sensors=("gyro",), options={"topic": "Gyroscope", "units": {"gyro": "rad/s"}}),
+    Layout("long table with units in the names of the sensors", "MetaMotion loggers: gyro_dps, accel_g",
+           lambda: long({"gyro": "gyro_radps", "accel": "accel_ms2", "mag": "mag_ut"}, "epoch_ms,sensor,x,y,z",
+                        "{ms},{label},{x!r},{y!r},{z!r}"),
+           sensors=("gyro",), options={"topic": "gyro_radps"}),
     Layout("long table without header", "CSV of phone loggers",
            lambda: long(_WORDS, "", "{label},{ms},{x!r},{y!r},{z!r}"), sensors=("accel",),
            options={"topic": "Accelerometer", "units": {"accel": "m/s2"}}),

@@ -133,12 +133,14 @@ def find_unit(text: str) -> Unit | None:
     """Return the unit that `text` spells, or None.
 
     A spelling is a prefix, a unit, and the time in the denominator: "deg/s", "°/s", "dps", "degrees per second",
-    "deg_per_s", "mdps", "m s^-2", "ft/s²", "µg", "milli-g". Blanks, underscores and dots do not matter. Case matters
-    only for mega, which no sensor has: "Mg" is not a unit.
+    "deg_per_s", "mdps", "m s^-2", "ft/s²", "µg", "milli-g"; a size may stand before it, "0.1 deg/s".
+    Blanks, underscores and dots do not matter. Case matters only for mega, which no sensor has: "Mg" is not a unit.
 
     >>> find_unit("Deg / s").factor == math.pi / 180, find_unit("milli_degrees_per_sec").name, find_unit("ft/s^2").name
     (True, 'mdeg/s', 'ft/s²')
     """
+    if (sized := re.fullmatch(r"(\d+(?:\.\d+)?) +(\D.*)", text.strip())) and (unit := find_unit(sized[2])) is not None:
+        return Unit(text.strip(), unit.quantity, float(sized[1]) * unit.factor)
     spelling = text.strip().translate(_SIGNS)
     if len(spelling) > 40:  # no unit is longer
         return None

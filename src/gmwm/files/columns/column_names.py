@@ -15,7 +15,7 @@ _GYRO = {
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
-    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc", "accl",
+    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc", "accl", "gforce",
 }  # fmt: skip
 _OTHER = {
     "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",

@@ -169,7 +169,8 @@ def _of_sensor(layout: Layout, column: int, value: str) -> Layout:
         free = free[1:]
     letters = {re.sub(r"[^a-z]", "", channels[k].name.partition("[")[0].casefold())[-1:]: k for k in free}
     places = [letters[letter] for letter in "xyz"] if letters.keys() >= set("xyz") else free[:3]
-    unit = {"gyro": "rad/s", "accel": "m/s²"}[sensor] if "android" in value.casefold() else ""
+    android = {"gyro": "rad/s", "accel": "m/s²"}[sensor] if "android" in value.casefold() else ""
+    unit = recognise(f"{value}_x").unit or android  # gyro_dps
     for letter, k in zip("xyz", places, strict=False):
         channels[k] = replace(channels[k], axis=f"{sensor}_{letter}", unit=channels[k].unit or unit)
     return replace(layout, channels=tuple(channels), topic=value, state=replace(dialect, sensor=(column, value)))
