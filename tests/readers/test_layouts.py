@@ -140,6 +140,9 @@ NAMES = [
            table("time (ms),gyroscope x (0.1 deg/s),gyroscope y (0.1 deg/s),gyroscope z (0.1 deg/s),"
                  "accelerometer x (mg),accelerometer y (mg),accelerometer z (mg),packet counter", "{ms},{g},{a},{k}",
                  deg=True, g=True, scale=(0.1, 1e-3)), remarks=("unit-named",)),
+    Layout("a blank within a cell, tabs between", "WitMotion SDK, recorded data",
+           table("Chiptime\tax(g)\tay(g)\taz(g)\twx(rad/s)\twy(rad/s)\twz(rad/s)\tmagx",
+                 "2022-7-12 11:0:0:{k}\t{a}\t{g}\t0.{k}", g=True), options={"rate": RATE}),
     Layout("x-IMU with its packet number", "x-io x-IMU GUI, CalInertialAndMag.csv",
            table("Packet number,Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),Accelerometer X (g),"
                  "Accelerometer Y (g),Accelerometer Z (g)", "{k},{g},{a}", deg=True, g=True, head="Sample rate: 100\n"),

@@ -203,7 +203,7 @@ _SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "devic
 def _delimiter(lines: list[str], commas: Commas) -> tuple[str, bool]:
     """Return the delimiter and decimal sign with most numbers and most lines of the same number of cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
-    best, best_score = (",", False), (-1.0, -1.0, -1)
+    best, best_score = (",", False), (-1.0, -1.0, False, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
         for decimal_comma in (True,) if commas == "decimal" else (False, True):
             if delimiter == "," and decimal_comma and not all('"' in line for line in sample):
@@ -217,7 +217,8 @@ def _delimiter(lines: list[str], commas: Commas) -> tuple[str, bool]:
                 if cell
             )
             filled = sum(bool(cell) for cell in cells) or 1
-            score = (round(numbers / filled, 1), round(same / len(rows), 1), fields)
+            # A blank may also be within a cell, as in a date with a time.
+            score = (round(numbers / filled, 1), round(same / len(rows), 1), delimiter != BLANKS, fields)
             if score > best_score and numbers:
                 best, best_score = (delimiter, decimal_comma), score
     return best
