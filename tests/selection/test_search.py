@@ -246,6 +246,27 @@ def test_a_possible_filter_is_a_step():
     ]  # fmt: skip
 
 
+@pytest.mark.slow
+def test_a_step_that_may_have_a_filter_is_not_called_rejected():
+    rng, n = np.random.default_rng(1), 60_000
+    wide = filtered(*signal.iirpeak(9.0, 3, fs=RATE), rng, n)
+    found = searched(rng.normal(size=n) + markov(rng, n, 0.03, 0.8) + walk(rng, n, 1e-3) + 0.3 * wide)
+    assert [(s.entered, s.left) for s in found.steps] == [
+        ("slow", "filter-possible"), ("filter", "filter-possible"), ("filter", "accepted"),
+    ]  # fmt: skip
+    assert all(step.pvalue >= REJECTED for step in found.steps)
+
+
+@pytest.mark.slow
+def test_a_family_before_an_oscillation_is_not_called_the_last():
+    rng, n = np.random.default_rng(4), 200_000
+    slow = 0.12 * np.sin(2 * np.pi * np.arange(n) / RATE / 110)
+    found = searched(rng.normal(size=n) + walk(rng, n, 1e-3) + slow, spectrum=False)
+    assert [(s.entered, s.left) for s in found.steps] == [
+        ("slow", "rejected"), ("nothing-shown", "rejected"), ("oscillation", "accepted"),
+    ]  # fmt: skip
+
+
 # --- parts --------------------------------------------------------------------------------------------
 
 

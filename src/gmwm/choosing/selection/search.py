@@ -138,7 +138,9 @@ def _with_oscillation(
     pvalue, before = other.ranking.recommended.pvalue, choice.ranking.recommended.pvalue
     if not _is_accepted(other.ranking) and (before is None or pvalue is None or pvalue < before):
         return None
-    return other.after(*(replace(step, used=False) for step in choice.steps))
+    return other.after(
+        *(replace(step, left="rejected" if step.left == "last" else step.left, used=False) for step in choice.steps)
+    )
 
 
 def _oscillator_of_grid(wv: WaveletVariance, fit: Fit, required: Sequence[Process], fastest: float) -> OSC | None:
@@ -220,18 +222,25 @@ def _from_spectrum(
                 steps.append(SearchStep(family=family, entered="lines", bound=bound, left="all-rejected"))
             check()
         shaped = _with_shape(peaks, spectrum, options, order=order, check=check)
-        if isinstance(shaped, ModelChoice):
-            if order == HIGHEST_ORDER or _is_accepted(shaped.ranking):
-                return shaped.after(*steps)
-            steps += [replace(step, left="rejected", used=False) for step in shaped.steps]
-        elif shaped is not None:
-            steps.append(shaped)
+        if not isinstance(shaped, ModelChoice):
+            steps += shaped
+        elif order == HIGHEST_ORDER or _is_accepted(shaped.ranking):
+            return shaped.after(*steps)
+        else:
+            steps += _left(shaped)
     choice = _within_family(SLOW, peaks.curve, options, required=peaks.terms, check=check, entered="nothing-shown")
     return choice.after(*steps)
 
 
 def _after_slow(choice: ModelChoice) -> ModelChoice:
     return replace(choice, tried=(SLOW, *choice.tried))
+
+
+def _left(choice: ModelChoice) -> tuple[SearchStep, ...]:
+    """Return the steps of a choice that another family follows: one that the test accepts is left for a filter."""
+    *before, last = choice.steps
+    left: Exit = "filter-possible" if _is_accepted(choice.ranking) else "rejected"
+    return *before, replace(last, left=left, used=False)
 
 
 class _SlowWithPeaks(NamedTuple):
@@ -255,9 +264,9 @@ class _SlowWithPeaks(NamedTuple):
 def _with_shape(
     peaks: _SlowWithPeaks, spectrum: PowerSpectrum, options: RankingOptions, *, order: int, check: Callable[[], None],
     entered: Entry = "shape",
-) -> ModelChoice | SearchStep | None:  # fmt: skip
+) -> ModelChoice | tuple[SearchStep, ...]:  # fmt: skip
     """Return the choice with the peaks and the shape of fewest coefficients, up to `order`, that is accepted or misses
-    the curve by at most `STATED_MISFIT`; else the step that says so, or None if the spectrum shows nothing."""
+    the curve by at most `STATED_MISFIT`; else the steps that say why not, or none if the spectrum shows nothing."""
 
     def ranked(part: fast_part.FastPart, judged: _JudgedFamily) -> ModelChoice:
         choice = _within_family(
@@ -269,7 +278,7 @@ def _with_shape(
     # p-value of the largest model for larger shapes first, to save rankings; least error of a rejected model, which is
     # only measured until a shape is good enough.
     close, least_error = 0.05, 0.001
-    simplest, last = None, None
+    simplest, last, shaped = None, None, None
     for part in fast_part.fast_parts(peaks.fit, peaks.curve, spectrum, peaks.terms, order=order, check=check):
         wv = part.wavelet_variance
         fit = nearly_fitted(largest_within(fast_part.BESIDE, wv, part.terms), wv, options.weighting)
@@ -277,7 +286,7 @@ def _with_shape(
         pvalue = Distance.of(fit).pvalue
         misses = pvalue < REJECTED and simplest is None
         error = model_error(fit) if misses else least_error if pvalue < close else 0.0
-        last = part, _JudgedFamily(fit, pvalue, error)
+        last, shaped = (part, _JudgedFamily(fit, pvalue, error)), None
         if not error:
             shaped = ranked(*last)
             recommended = shaped.ranking.recommended.fit
@@ -296,10 +305,14 @@ def _with_shape(
             return shaped
         simplest = None if incomplete or error > STATED_MISFIT else (part, judged._replace(error=error))
         last = part, judged._replace(error=error)
-    if last is None or order == HIGHEST_ORDER:
-        return last and ranked(*last)
+    if last is None:
+        return ()
+    if order == HIGHEST_ORDER:
+        return ranked(*last)
+    if shaped is not None:
+        return _left(shaped)
     family, bound, error = last[1].fit.model.structure, last[1].bound, last[1].error
-    return SearchStep(family=family, entered=entered, bound=bound, model_error=error, left="all-rejected")
+    return (SearchStep(family=family, entered=entered, bound=bound, model_error=error, left="all-rejected"),)
 
 
 def _slow_fit(wv: WaveletVariance, spectrum: PowerSpectrum | None, options: RankingOptions) -> tuple[Fit, float]:
@@ -326,12 +339,12 @@ def _with_filter(
     steps: list[SearchStep] = []
     for order in (LOW_ORDER, HIGHEST_ORDER):
         shaped = _with_shape(peaks, spectrum, options, order=order, check=check, entered="filter")
-        if isinstance(shaped, ModelChoice):
-            if _is_accepted(shaped.ranking):
-                return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
-            steps += [replace(step, left="rejected", used=False) for step in shaped.steps]
-        elif shaped is not None:
-            steps.append(shaped)
+        if not isinstance(shaped, ModelChoice):
+            steps += shaped
+        elif _is_accepted(shaped.ranking):
+            return shaped.after(replace(slow, left="filter-possible", used=False), *steps)
+        else:
+            steps += _left(shaped)
     return replace(choice, steps=(replace(slow, left="filter-possible" if steps else slow.left), *steps))
 
 
