@@ -335,8 +335,6 @@ def _curves_of(
                 verdict = replace(verdict, dependence=dependence(robust, other, verdict))
             if item.two_levels:
                 verdict = replace(verdict, contaminated=False)
-            elif verdict.has_pulses:
-                verdict = replace(verdict, contaminated=True)
             classical = replace(classical, excess=screen.tails.excess(classical))
             item.curves = None  # their samples are not needed any more
             return_memory()

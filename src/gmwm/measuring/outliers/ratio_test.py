@@ -227,16 +227,7 @@ class Verdict(FrozenArrays, Documented, Summarised):
         error = np.where(self.tested, self.standard_errors, 1.0)
         above = gammaincc(*ratio_law(place / error, error, self.efficiency))
         surely = above <= SURELY / max(int(np.sum(self.tested)), 1)
-        return np.asarray(surely & (self._short | (self.tested & (self.excess > 1))))
-
-    @property
-    def has_pulses(self) -> bool:
-        """Whether weak pulses of the mean make the classical variance of a level up to 10 s twice the robust one."""
-        return bool(np.any(self.rising & self._short)) and bool(np.max(self.excess[self._short]) > 1)
-
-    @property
-    def _short(self) -> Booleans:
-        return np.asarray(self.tested & (self.tau <= LONGEST))
+        return np.asarray(surely & self.tested & ((self.tau <= LONGEST) | (self.excess > 1)))
 
     @property
     def lighter(self) -> Booleans:
