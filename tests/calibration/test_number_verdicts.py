@@ -1,5 +1,6 @@
 """The verdict of each number: bounds, reasons, the scale at which a misfit lies, and trends that are small."""
 
+import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -149,3 +150,19 @@ def test_n_of_noise_whose_strength_changes_is_right_or_cannot_be_used(factor, ro
     if usability is Usability.USE:
         density = float(np.std(x.values)) / math.sqrt(rate)
         assert found.datasheets["gyro_x"]["N"].value == pytest.approx(density, rel=0.03)
+
+
+def test_every_table_marks_a_number_that_must_not_be_used():
+    """300 samples have too few scales for any number."""
+    x = np.random.default_rng(1).normal(size=300)
+    found = gmwm.calibrate({"gyro_x": gmwm.Signal(1e-3 * x, 10.0, "rad/s", axis="gyro_x")}, within="WN + RW")
+    uses = {symbol: verdict.usability.value for symbol, verdict in found.number_verdicts["gyro_x"].items()}
+    refused = [symbol for symbol in "NKB" if uses[symbol] == "do not use"]
+    assert refused
+    rows = [line.split() for line in found.summary(details=True).splitlines()]
+    assert [row[0] for row in rows if row and row[0] in "NKB" and row[-1] == "✗"] == refused
+    assert "✗: do not use." in " ".join(found.summary(details=True).split())
+    table = found.export(format="latex").splitlines()
+    assert [line[0] for line in table if "(do not use)" in line] == refused
+    content = json.loads(found.export(format="json"))
+    assert {symbol: verdict["use"] for symbol, verdict in content["use"]["gyro_x"].items()} == uses

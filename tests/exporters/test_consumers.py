@@ -298,6 +298,7 @@ def test_csv_has_every_number_of_every_datasheet(unit):
         assert row["upper_only"] == str(entry.upper_only).lower()
         assert float(row["datasheet_value"]) == entry.in_units()[0]
         assert row["datasheet_unit"] == entry.in_units()[3]
+        assert row["use"] == calibration.number_verdicts[row["axis"]][entry.symbol].usability.value
 
 
 def test_latex_is_a_table_for_each_sensor(unit):

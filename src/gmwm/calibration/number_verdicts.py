@@ -46,9 +46,17 @@ class NumberVerdict:
     usability: Usability
     reason: Remark | None = None
 
+    @property
+    def refused(self) -> bool:
+        """Whether a remark says not to use the number."""
+        return self.usability is Usability.DO_NOT_USE and self.reason is not None
+
     def to_dict(self) -> dict[str, Any]:
         """Return the verdict as plain values for JSON, with the code of the reason."""
         return {"use": self.usability.value, "reason": None if self.reason is None else self.reason.code}
+
+
+Verdicts = Mapping[str, Mapping[str, NumberVerdict]]  # by axis and symbol
 
 
 def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdict]]:
@@ -105,7 +113,7 @@ def as_limit(entry: Entry) -> Entry:
     return replace(entry, low=0.0 if entry.value >= 0 and entry.low >= 0 else -high, high=high, upper_only=True)
 
 
-def counts(verdicts: Mapping[str, Mapping[str, NumberVerdict]], symbol: str) -> tuple[int, int]:
+def counts(verdicts: Verdicts, symbol: str) -> tuple[int, int]:
     """Return the number of axes whose number `symbol` can be used, and of those where it can be used as a bound."""
     states = [of_axis[symbol].usability for of_axis in verdicts.values() if symbol in of_axis]
     return states.count(Usability.USE), states.count(Usability.BOUND)

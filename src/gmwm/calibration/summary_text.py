@@ -17,8 +17,18 @@ from gmwm.base.units import by_sensor, sensor_of
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
-from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, as_limit
-from gmwm.calibration.tables import SENSORS, bullet, fitting_tables, in_order, key, number, with_error, wrap_text
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, Verdicts, as_limit
+from gmwm.calibration.tables import (
+    SENSORS,
+    bullet,
+    fitting_tables,
+    in_order,
+    key,
+    marked,
+    number,
+    with_error,
+    wrap_text,
+)
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -63,9 +73,7 @@ def model_words(model: Model) -> str:
     return "+".join(parts)
 
 
-def _axes_table(
-    title: str, axes: Mapping[str, AxisCalibration], verdicts: Mapping[str, Mapping[str, NumberVerdict]]
-) -> list[str]:
+def _axes_table(title: str, axes: Mapping[str, AxisCalibration], verdicts: Verdicts) -> list[str]:
     symbols = main_symbols(axes)
     head = [title, *(f"{symbol} ({unit})" for symbol, unit in symbols.items())]
     long = max(map(len, axes)) > len("accel_x") + 7
@@ -164,7 +172,8 @@ def summary(
 def _details(calibration: Calibration) -> list[list[str]]:
     """Return the tables with all numbers of each axis, the reasons for the models, and the results of additions."""
     parts = [
-        [SENSORS.get(sensor, sensor or "Axes"), *_tables(axes)] for sensor, axes in by_sensor(calibration.axes).items()
+        [SENSORS.get(sensor, sensor or "Axes"), *_tables(axes, calibration.number_verdicts)]
+        for sensor, axes in by_sensor(calibration.axes).items()
     ]
     parts.append(wrap_text(legend(calibration)))
     parts += [
@@ -209,13 +218,13 @@ def _range(ascending: Sequence[str]) -> str:
     return first if first == last else f"{first} to {last}"
 
 
-def _tables(axes: Mapping[str, AxisCalibration]) -> list[str]:
+def _tables(axes: Mapping[str, AxisCalibration], verdicts: Verdicts) -> list[str]:
     """Return tables with a row for each number and a column for each axis, up to three if they fit."""
-    return fitting_tables(list(axes), lambda names, _: rows_of({name: axes[name] for name in names}), 3)
+    return fitting_tables(list(axes), lambda names, _: rows_of({name: axes[name] for name in names}, verdicts), 3)
 
 
-def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
-    """Return rows for axes: model, goodness of fit, outliers, then each number in datasheet units."""
+def rows_of(axes: Mapping[str, AxisCalibration], verdicts: Verdicts) -> list[list[str]]:
+    """Return rows for axes: model, goodness of fit, outliers, then each number in datasheet units, ✗ if unusable."""
     calibrations = list(axes.values())
     rows = [
         ["", *axes],
@@ -234,7 +243,8 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
         entries = [column.get(symbol) for column in columns]
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
         title = symbol if unit == "1" else f"{symbol} ({unit})"
-        rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
+        cells = zip(axes, entries, strict=True)
+        rows.append([title, *("" if e is None else marked(e, verdicts[axis].get(e.symbol)) for axis, e in cells)])
     rows += _at_rest(calibrations)
     rows += _spreads(calibrations)
     return [*rows, *_line_rows(calibrations)]
@@ -354,6 +364,8 @@ def legend(calibration: Calibration) -> str:
         f" {name}: {what} at this frequency." for name, what in (("line", "amplitude"), ("oscillation", "rms"))
         if name in names
     )  # fmt: skip
+    refused = any(verdict.refused for of_axis in calibration.number_verdicts.values() for verdict in of_axis.values())
+    refusal = " ✗: do not use." if refused else ""
     biases = [bias for bias in calibration.rest.values() if bias.bias is not None]
     if biases:
         times = [duration_text(seconds) for seconds in sorted({bias.duration for bias in biases})]
@@ -371,7 +383,7 @@ def legend(calibration: Calibration) -> str:
             "equality: p-value of the test that the recordings are equal."
         )
     return (
-        f"{named}. ±, +a/−b, a … b: {100 * level:g} % interval. ≤: upper limit at {50 + 50 * level:g} %. "
+        f"{named}. ±, +a/−b, a … b: {100 * level:g} % interval. ≤: upper limit at {50 + 50 * level:g} %.{refusal} "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
         f"recommended. p: p-value of the goodness-of-fit test.{_filter_note(calibration)}{lines}"
     )

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule, with_minus
+from gmwm.calibration.number_verdicts import NumberVerdict
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -69,6 +70,11 @@ def number(entry: Entry) -> str:
         )
         return f"{round_text(value, 3)} +{upper}/−{lower} %"
     return f"{round_text(value, 3)} ± {round_text(half)} %"
+
+
+def marked(entry: Entry, verdict: NumberVerdict | None) -> str:
+    """Format a number like `number`, with ✗ if a remark refuses it."""
+    return f"{number(entry)} {verdict.usability.mark}" if verdict and verdict.refused else number(entry)
 
 
 def with_error(entry: Entry) -> str:

@@ -13,8 +13,9 @@ from gmwm.base.errors import DataError
 from gmwm.base.text import version
 from gmwm.base.units import SI_UNIT, by_sensor, find_unit, noise_unit
 from gmwm.calibration import Calibration
+from gmwm.calibration.number_verdicts import Verdicts
 from gmwm.calibration.result import AxisCalibration
-from gmwm.calibration.tables import SENSORS, in_order, number
+from gmwm.calibration.tables import SENSORS, in_order, marked
 from gmwm.choosing.datasheets import Entry
 from gmwm.choosing.datasheets.effective import Use
 from gmwm.showing.exporters.base import Exporter, ExportOptions, register, top
@@ -45,7 +46,7 @@ class CsvTable(Exporter):
                 recording(calibration),
                 f"{_ABOUT} low and high: {100 * level:g} % confidence interval. If upper_only is true, the number is "
                 "zero or not distinguished from zero, and high is its upper limit. inf: not determined. No low and "
-                "high: taken from the spectrum.",
+                "high: taken from the spectrum. use: the verdict.",
                 *paragraphs(self.remarks(calibration, options)),
             ],
             "#",
@@ -54,8 +55,9 @@ class CsvTable(Exporter):
         rows = csv.writer(out, lineterminator="\n")
         rows.writerow(
             ["axis", "model", "symbol", "title", "term", "value", "low", "high", "unit", "upper_only",
-             "datasheet_value", "datasheet_low", "datasheet_high", "datasheet_unit"]
+             "datasheet_value", "datasheet_low", "datasheet_high", "datasheet_unit", "use"]
         )  # fmt: skip
+        verdicts = calibration.number_verdicts
         for axis, found in calibration.axes.items():
             for entry in found.datasheet.entries:
                 si, datasheet = (
@@ -64,7 +66,7 @@ class CsvTable(Exporter):
                 )
                 rows.writerow(
                     [*map(_text, (axis, found.fit.model.structure, entry.symbol, _title(entry), entry.term or "")),
-                     *si, str(entry.upper_only).lower(), *datasheet]
+                     *si, str(entry.upper_only).lower(), *datasheet, verdicts[axis][entry.symbol].usability.value]
                 )  # fmt: skip
         return "\n".join([*head, out.getvalue()])
 
@@ -104,18 +106,20 @@ class LatexTable(Exporter):
             ],
             "%",
         )  # fmt: skip
-        blocks = [_tabular(sensor, axes) for sensor, axes in by_sensor(calibration.axes).items()]
+        verdicts = calibration.number_verdicts
+        blocks = [_tabular(sensor, axes, verdicts) for sensor, axes in by_sensor(calibration.axes).items()]
         return "\n\n".join(["\n".join(head), *blocks]) + "\n"
 
 
-def _tabular(sensor: str, axes: Mapping[str, AxisCalibration]) -> str:
-    sheets = [{entry.name: entry for entry in found.datasheet.entries} for found in axes.values()]
+def _tabular(sensor: str, axes: Mapping[str, AxisCalibration], verdicts: Verdicts) -> str:
+    sheets = {axis: {entry.name: entry for entry in found.datasheet.entries} for axis, found in axes.items()}
     table = [[SENSORS.get(sensor, sensor or "Axes"), *axes]]
     table.append(["model", *(found.fit.model.structure for found in axes.values())])
-    for name in in_order([list(sheet) for sheet in sheets]):
-        unit = next(sheet[name].in_units("datasheet")[3] for sheet in sheets if name in sheet)
+    for name in in_order([list(sheet) for sheet in sheets.values()]):
+        entries = {axis: sheet.get(name) for axis, sheet in sheets.items()}
+        unit = next(entry.in_units("datasheet")[3] for entry in entries.values() if entry is not None)
         title = name if unit == "1" else f"{name} ({unit})"
-        table.append([title, *(number(sheet[name]) if name in sheet else "" for sheet in sheets)])
+        table.append([title, *("" if e is None else marked(e, verdicts[a].get(e.symbol)) for a, e in entries.items())])
     lines = [" & ".join(map(latex, row)) + r" \\" for row in table]
     return "\n".join(
         [rf"\begin{{tabular}}{{l{'r' * len(axes)}}}", r"\hline", lines[0], r"\hline", *lines[1:], r"\hline",
@@ -125,7 +129,7 @@ def _tabular(sensor: str, axes: Mapping[str, AxisCalibration]) -> str:
 
 _SIGNS = {
     "±": r"$\pm$", "≤": r"$\le$", "…": r"\,\ldots\,", "²": "$^2$", "³": "$^3$", "µ": r"$\mu$", "°": r"$^\circ$",
-    "·": r"$\cdot$", "−": "$-$",
+    "·": r"$\cdot$", "−": "$-$", "✗": "(do not use)",
 }  # fmt: skip
 _SPECIAL = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "$": r"\$",
@@ -171,6 +175,7 @@ class JsonNumbers(Exporter):
             "is the largest relative difference, error_of_one that of one state, error_of_walk that of N and K.",
             "horizon": options.horizon,
             "confidence": calibration.settings.confidence,
+            "use": calibration.number_verdicts,
             "axes": {axis: _axis(axis, calibration, options) for axis in calibration},
             "failed": dict(calibration.failed),
             "remarks": [remark.to_dict() for remark in self.remarks(calibration, options)],

@@ -184,7 +184,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         "recording": recording_facts(calibration),
         "settings": _settings(calibration),
         "tables": [
-            {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
+            {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members, calibration.number_verdicts)}
             for sensor, members in by_sensor(calibration.axes).items()
         ],
         "legend": legend(calibration),

@@ -13,7 +13,7 @@ from gmwm.base.remarks import Dialect, Remark, Severity, texts, with_groups
 from gmwm.base.text import duration_text, list_text
 from gmwm.base.units import by_sensor
 from gmwm.calibration.findings import certificate_of, equality_remarks, rejected_axes, unusable
-from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability
+from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, Verdicts
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import extent_text, main_symbols, model_words, number_text
@@ -245,9 +245,7 @@ def _cell(result: AxisCalibration, verdict: NumberVerdict | None, symbol: str) -
     return {"text": text, "mark": mark, "state": _STATE_OF_NUMBERS[verdict.usability]}
 
 
-def _reasons(
-    calibration: Calibration, verdicts: Mapping[str, Mapping[str, NumberVerdict]], dialect: Dialect
-) -> list[dict[str, Any]]:
+def _reasons(calibration: Calibration, verdicts: Verdicts, dialect: Dialect) -> list[dict[str, Any]]:
     """Return "state", "mark", "numbers" and "text" for each reason why main numbers are limits or cannot be used."""
     limits = {remark.subject: remark for remark in calibration.remarks if remark.code == "b-limit"}
     remarks: dict[tuple[Usability, str], dict[Remark, None]] = {}
