@@ -9,10 +9,11 @@ from scipy.signal import lfilter
 import gmwm
 from gmwm import Signal
 from gmwm.measuring.inspection import inspect
-from gmwm.measuring.inspection.time_grid import _loss
+from gmwm.measuring.inspection.time_grid import Extent, _loss
+from gmwm.measuring.inspection.trends import swing_of
 from gmwm.measuring.inspection.wander import Likelihood
 from gmwm.recording.signals import Imu
-from tests.helpers import codes, only
+from tests.helpers import code_of, codes, only
 from validation import faults
 
 RATE, SAMPLES = 100.0, 60_000
@@ -217,6 +218,30 @@ def test_a_swing_of_the_mean_makes_k_a_limit(periods):
     assert calibration.number_verdicts["gyro_x"]["K"].usability.value == "use as a bound"
     assert calibration.number_verdicts["gyro_x"]["N"].usability.value == "use"
     assert calibration.datasheets["gyro_x"]["K"].upper_only
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("periods", "share"), [(9.6, 0.25), (8.3, 0.5)])
+def test_a_switch_makes_k_a_limit(periods, share):
+    """Beside a sinusoid, K still contains the steps: it was 2 to 90 times too large, with the mark "use"."""
+    rng, count = np.random.default_rng(11), 2 * SAMPLES
+    phase = np.arange(count) / count * periods + 0.13
+    found = gmwm.calibrate(imu_of(faults.base(count, rng) + 0.4 * faults.WHITE * (phase % 1 < share)), "WN + GM + RW")
+    verdict = found.number_verdicts["gyro_x"]["K"]
+    assert (verdict.usability.value, code_of(verdict.reason)) == ("use as a bound", "trend:swing")
+    period = only(found.remarks, "trend:swing", "gyro_x").facts["period"].value
+    assert period == pytest.approx(count / RATE / periods, rel=0.02)
+
+
+def test_the_steps_of_a_switch_have_one_period():
+    """Beside fewer than nine harmonics, the steps are a walk. A walk itself has no period."""
+    rng, time = np.random.default_rng(12), np.arange(256)
+    for k in range(40):
+        walk = rng.normal(size=256) + 10 ** rng.uniform(-2, 1) * np.cumsum(rng.normal(size=256))
+        switch = 0.1 * rng.normal(size=256) + (time * 4.05 / 256 % 1 < 0.5)
+        for y, periods in ((walk, None), (switch, pytest.approx(4.05, abs=0.06))):
+            found = swing_of("gyro_x", [(0, y)], Extent(100.0, ((0, 25_600),), (0.0,)), lambda a, b: np.zeros(b - a))
+            assert (found and found.periods) == periods, k
 
 
 @pytest.mark.slow

@@ -238,7 +238,9 @@ _MATTERS = 1.1  # smallest ratio of K, as if the swing were noise, to the upper 
 
 
 _DAYS, _HARMONICS = 3.0, 3
-"""Smallest number of days in which a daily cycle differs from a random walk, and number of harmonics to try."""
+"""Smallest number of days in which a daily cycle differs from a random walk, and number of harmonics to try. Of other
+periods, three times as many are tried too: beside fewer, K contains the steps of a switch. Each counts as half of
+`_GAIN`, which chance does not reach (tests/test_inspection_faults.py)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,20 +294,26 @@ def swing_of(
     axis: str, means: Sequence[tuple[int, Vector]], extent: Extent, values: Callable[[int, int], Vector]
 ) -> Swing | None:
     """Find a periodic change of the mean of an axis; None if there is none, or if it is part of its noise. As
-    `trend_of`, with 2 to 16 periods, or first a day with harmonics from 3 days on. A swing must raise K too. Otherwise,
-    the period is that of a peak of the spectrum, as of a thermostat, whose periods differ."""
+    `trend_of`, with 2 to 16 periods, and harmonics if clear, or first a day with harmonics from 3 days on. A
+    swing must raise K too. Otherwise, the period is that of a peak of the spectrum, as of a thermostat, whose periods
+    differ."""
     length = level_length(extent.samples)
     samples, y = longest_means(means, extent, length)
     if y.size < FEWEST or not np.any(np.diff(y)):
         return None
     likelihood = BlockMeans(y)
-    periods = y.size * length / extent.rate / 86400.0  # of day and night
-    fit, harmonics = likelihood.swing, 1
-    if periods >= _DAYS:
-        day = _fit_of(likelihood, periods * np.arange(1.0, _HARMONICS + 1))
-        if day.gain > fit.gain - _GAIN:
-            fit, harmonics = day, _HARMONICS
-    if fit.gain < _GAIN * (1 if harmonics == 1 else 1.5):
+    days = y.size * length / extent.rate / 86400.0
+    fit, is_day = likelihood.swing, False
+    if days >= _DAYS and (day := _with_harmonics(likelihood, np.array([days]), _HARMONICS)).gain > fit.gain - _GAIN:
+        fit, is_day = day, True
+    else:
+        wave = _with_harmonics(likelihood, fit.periods + np.linspace(-0.25, 0.25, 11), _HARMONICS)
+        waves = [fit, wave]
+        if wave.gain > fit.gain + _GAIN / 2:
+            waves.append(_with_harmonics(likelihood, np.array([wave.periods]), 3 * _HARMONICS))
+        fit = max(waves, key=lambda wave: wave.gain - _GAIN / 4 * len(wave.courses))
+    harmonics = len(fit.courses) // 2
+    if fit.gain < _GAIN * (harmonics + 3) / 4:
         return _cycle_of(axis, likelihood, values, first=int(samples[0]), rate=extent.rate, length=length)
     with_swing, _ = likelihood.walk(fit.courses[:0], alone=True)
     _, limit = likelihood.walk(fit.courses, alone=True)
@@ -316,7 +324,7 @@ def swing_of(
     amplitudes = np.hypot(*coefficients.reshape(2, harmonics)).tolist()
     return Swing(
         axis=axis, period=y.size * length / extent.rate / fit.periods, periods=fit.periods, amplitude=amplitudes[0],
-        harmonics=tuple(amplitudes) if harmonics > 1 else (),
+        harmonics=tuple(amplitudes) if is_day else (),
     )  # fmt: skip
 
 
@@ -346,11 +354,15 @@ def _cycle_of(
     )
 
 
-def _fit_of(likelihood: Likelihood, periods: Vector) -> SwingFit:
-    """Return the fit of sinusoids of these numbers of periods together."""
-    size = likelihood.size
-    at = 2 * np.pi * np.outer(periods, np.arange(size) + 0.5) / size
-    courses = transformed(np.vstack([np.cos(at), np.sin(at)]))
+def _with_harmonics(likelihood: Likelihood, periods: Vector, count: int) -> SwingFit:
+    """Return the fit of a sinusoid and its harmonics with the best of these numbers of periods beside a walk. A
+    harmonic of less than two blocks is none."""
+    at, waves = 2 * np.pi * (np.arange(likelihood.size) + 0.5) / likelihood.size, []
+    for number in periods.tolist():
+        harmonics = np.arange(1.0, min(count, (likelihood.size - 1) // (2 * number)) + 1)
+        phases = number * np.outer(harmonics, at)
+        waves.append((number, transformed(np.vstack([np.cos(phases), np.sin(phases)]))))
+    number, courses = min(waves, key=lambda wave: likelihood.with_all(wave[1], alone=True))
     without = likelihood.without().values
     gain = float(np.min(without)) - likelihood.with_all(courses)
-    return SwingFit(gain, float(periods[0]), courses, int(np.argmin(without)))
+    return SwingFit(gain, number, courses, int(np.argmin(without)))
