@@ -27,8 +27,11 @@ _FAST, _SLOW = (0.1, 0.45), (0.002, 0.01)  # frequencies, relative to the rate, 
 _EMPTY = 1e-4
 """Ratio of these densities below which the output of the sensor passed a steep filter. A random walk has 1e-3, and one
 pole at 0.5 % of the rate 2e-3 (tests/recording/test_averages.py)."""
-_PASSES, _BAND = 0.5, 0.1
+_PASSES, _BAND = 0.5, 0.03
 """Densities, relative to the slow one, down to which the noise passes the filter, and down to which it is fitted."""
+_SHAPES = {1e3: (2, 3, 4, 6, 8, 12, 16), 1.0: (4, 6, 8, 12, 16), 3.0: (2,)}
+"""Powers p of the shapes 1 / (1 + (f/b)^p / k)^k of a density by k: 1000, the limit of large k, is for averages and
+windows (p = 2) and sharp edges (larger p), 1 for Butterworth filters of order p/2, and 3 for three equal poles."""
 _OF_RATE = 3.0
 """Twice this frequency over the rate after averaging. The memory is far below a mean's length, so its error (7 % after
 20 minutes) is small beside that of N; with 2, 95 % intervals of N cover in 88 % (validation/faults.py, cic)."""
@@ -212,12 +215,23 @@ def _of_axis(pieces: Sequence[Vector], rounding: float = 0.0) -> SteepFilter:
     beyond = np.flatnonzero(smooth[passing[-1] :] <= _BAND * slow)
     end = 8 * int(passing[-1] + beyond[0]) if beyond.size else density.size
     band = slice(max(round(passes * _LENGTH / 8), 3), end)
-    logs = np.log(density[band])
-    # ln S = a − (f/b)^p has p = 2 for averages and windows, and 8 and more for sharp edges.
-    fits = [(np.polyfit(frequency[band] ** power, logs, 1, full=True), power) for power in (2, 3, 4, 6, 8, 12, 16)]
-    (line, *_), power = min(fits, key=lambda fit: float(fit[0][1][0]))
-    fitted = np.exp(np.polyval(line, frequency**power))
+    fitted = _fitted(frequency, np.log(density[band]), band, passes)
     fitted *= np.mean(density[band] / fitted[band])  # the fit of logarithms lies below the mean density
     share = np.append(fitted[1:end], density[end:]) / fitted[0]
     memory = (float(np.sum((1 - share) / frequency[1:] ** 2)) / _LENGTH + 2) / np.pi**2
     return SteepFilter(max(round(_OF_RATE / (2 * passes)), 1), max(memory, 0.0))
+
+
+def _fitted(frequency: Vector, logs: Vector, band: slice, passes: float) -> Vector:
+    """Return exp(a) / (1 + (f/b)^p / k)^k, fitted in a band to the logarithms of a density; a mean over the shapes,
+    weighted by their likelihoods. Neighbouring frequencies of a Hann window are worth half of independent ones."""
+    x = frequency[: band.stop] / (passes * np.geomspace(0.2, 1.5, 60)[:, None])
+    curves, losses = list[Vector](), list[float]()
+    for k, powers in _SHAPES.items():
+        for power in powers:
+            shapes = -k * np.log1p(x**power / k)
+            variances = np.var(logs - shapes[:, band], axis=1)
+            best = int(np.argmin(variances))
+            curves.append(np.exp(shapes[best] + np.mean(logs - shapes[best, band])))
+            losses.append(float(variances[best]))
+    return np.asarray(np.average(curves, axis=0, weights=(min(losses) / np.array(losses)) ** (logs.size / 4)))
