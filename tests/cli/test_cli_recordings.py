@@ -51,6 +51,19 @@ def test_fit_and_select(gmwm, files):
     assert "replicates" not in one["axes"]["gyro_x"]
 
 
+def test_an_axis_that_one_recording_lacks_is_not_calibrated(gmwm, files, tmp_path):
+    paths = [str(tmp_path / f"{sensor}.csv") for sensor in ("gyro", "accel")]
+    for path, axis in zip(paths, ("gyro_x", "accel_x"), strict=True):
+        simulate({axis: "WN(sigma2=1e-6)"}, rate=50.0, samples=8000, rng=9).write(path)
+    for options in (("--within", "WN + RW"), ("--model", "WN")):
+        found = gmwm("calibrate", files[0], paths[0], *options)
+        assert found.code == 0
+        assert "accel_x  ✗ not calibrated: gyro does not have this axis" in found.out
+    found = gmwm("calibrate", *paths)
+    assert found.code == 2
+    assert "no axis in common: gyro: gyro_x; accel: accel_x. Calibrate each by itself" in found.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -48,7 +48,7 @@ class Recordings:
                 advice="Use the temperature of the files, {--against=temperature}, or calibrate each recording by "
                 "itself.",
             )  # fmt: skip
-        inputs = {name: chosen_axes(recording, options.wanted) for name, recording in by_name.items()}
+        inputs = chosen_axes({name: data_of_axes(recording) for name, recording in by_name.items()}, options.wanted)
         axes, missing = common_axes(inputs)
         require_axes(options, axes)
         curves = {
@@ -107,8 +107,8 @@ def names_of(sources: Sequence[str]) -> tuple[str, ...]:
     return stems if all(stems) and len(set(stems)) == len(stems) else tuple(map(str, range(1, len(stems) + 1)))
 
 
-def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisInput | None]:
-    """Return the data of each axis to calibrate; None for each axis of a stream, which is read later."""
+def data_of_axes(data: object) -> dict[str, AxisInput | None]:
+    """Return the data of each axis of a recording; None for each axis of a stream, which is read later."""
     items: dict[str, AxisInput | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
@@ -134,11 +134,7 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
                 argument="data",
                 advice=_MAKE_A_SIGNAL,
             )
-    unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
-    if unknown:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(items)}", got=unknown[0])
-    chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
-    for axis, item in chosen.items():
+    for axis, item in items.items():
         if item is not None:
             unit = item[0].unit if isinstance(item, tuple) else item.unit
             parsed = find_unit(unit)
@@ -149,7 +145,21 @@ def chosen_axes(data: object, wanted: tuple[str, ...] | None) -> dict[str, AxisI
                     argument="data",
                     advice="Correct the unit, or give the axis another name.",
                 )
-    return chosen
+    return items
+
+
+def chosen_axes(
+    inputs: Mapping[str, Mapping[str, AxisInput | None]], wanted: tuple[str, ...] | None
+) -> dict[str, dict[str, AxisInput | None]]:
+    """Return the data of the wanted axes of each recording. Each wanted axis must be in a recording, but not in all."""
+    known = dict.fromkeys(axis for items in inputs.values() for axis in items)
+    unknown = [name for name in wanted or () if name not in known and name not in map(sensor_of, known)]
+    if unknown:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
+    return {
+        name: {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
+        for name, items in inputs.items()
+    }
 
 
 def require_axes(options: CalibrationOptions, axes: Sequence[str]) -> None:
@@ -170,6 +180,9 @@ def common_axes(chosen: Mapping[str, Mapping[str, object]]) -> tuple[list[str], 
     lacking = {axis: [name for name, axes in chosen.items() if axis not in axes] for axis in every}
     missing = {axis: f"{', '.join(names)} does not have this axis" for axis, names in lacking.items() if names}
     if len(missing) == len(every):
-        axes_of = "; ".join(f"{name}: {', '.join(axes)}" for name, axes in chosen.items())
-        raise DataError(f"the recordings have no axis in common: {axes_of}", argument="data")
+        axes_of = "; ".join(f"{name}: {', '.join(axes) or 'none'}" for name, axes in chosen.items())
+        raise DataError(
+            f"the recordings have no axis in common: {axes_of}", argument="data",
+            advice="Calibrate each by itself. `gmwm export` writes one file of all results.",
+        )  # fmt: skip
     return [axis for axis in every if axis not in missing], missing

@@ -230,10 +230,11 @@ def _unite(
         axes = tuple(axis for axis in options.wanted or () if any(axis in recording.axes for recording in group))
         data = group[0] if len(files) == 1 else dict(zip(names_of(files), group, strict=True))
         if axes:
+            shared = [axis for axis in axes if all(axis in recording.axes for recording in group)]
             models = {
-                name: model for name, model in options.models.items() if name in axes or name in map(sensor_of, axes)
+                name: model for name, model in options.models.items() if name in (*shared, *map(sensor_of, shared))
             }
-            within = SEARCHED if options.gives_all(axes) else options.within
+            within = SEARCHED if options.gives_all(shared) else options.within
             group_options = replace(options, axes=axes, models=models, within=within)
             calibrations.append(
                 run_calibration(data, group_options, helpers, scheduler=scheduler, workers=workers).of_file(*files)
