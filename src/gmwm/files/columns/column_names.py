@@ -122,11 +122,12 @@ def role_of(channel: Channel) -> str:
 
 
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
-    """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s)."""
-    if words in (["x"], ["y"], ["z"]) and not tail:
+    """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s), x_dps or dps_x."""
+    letter, unit = (tail, "".join(words)) if tail in ("x", "y", "z") else ("".join(words), tail or unit)
+    if letter in ("x", "y", "z"):
         for quantity in ("gyro", "accel"):
             if name := unit_of(unit, quantity):
-                return ColumnName(f"{quantity}_{words[0]}", name)
+                return ColumnName(f"{quantity}_{letter}", name)
     return ColumnName()
 
 

@@ -171,6 +171,14 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
         role = role_of(channel)
         if role in wanted and k not in used:
             candidates.setdefault(role, []).append(k)
+    for letter in "xyz":
+        several = candidates.get(f"gyro_{letter}", [])
+        in_g = [
+            k for k in several if re.fullmatch(f"{letter}[ _]g|g[ _]{letter}", layout.channels[k].name.strip(), re.I)
+        ]
+        if in_g and len(in_g) < len(several) and f"accel_{letter}" in wanted - set(candidates):
+            # Beside x_dps, the g of x_g is a unit.
+            candidates |= {f"gyro_{letter}": [k for k in several if k not in in_g], f"accel_{letter}": in_g}
     for role, several in candidates.items():
         fixed = [k for k in several if layout.channels[k].axis == role]
         # Beside an acceleration, a linear acceleration is the one without gravity.
