@@ -198,14 +198,14 @@ def first_of_sample(lines: Sequence[str]) -> str:
     for first in dict.fromkeys(shape for shape in shapes if counts[shape] > max(often, 8)):
         places = [k for k, shape in enumerate(shapes) if shape == first]
         period, count = Counter(after - before for before, after in pairwise(places)).most_common(1)[0]
-        names, _ = _labelled(joined(lines[places[-2] : places[-1]] if period > 1 else []))
+        names, _ = _labelled(as_one_line(lines[places[-2] : places[-1]] if period > 1 else []))
         axes = [recognise(name).axis for name in names if recognise(name).axis in AXES]
         if axes and len(set(axes)) == len(axes) and count > 0.8 * (len(places) - 1):
             return first
     return ""
 
 
-def joined(lines: Iterable[str]) -> str:
+def as_one_line(lines: Iterable[str]) -> str:
     """Return the lines of a sample as one line with one time, without those that have neither a number nor a label."""
     first, *others = [line.strip() for line in lines if re.search(r"\d|[:=]\s*$", line)] or [""]
     return "; ".join([first, *(re.sub(r"^[A-Z]? ?[\[(]\d+(?:\.\d+)?[\])]", "", line) for line in others)])

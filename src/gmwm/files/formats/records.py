@@ -23,7 +23,7 @@ from gmwm.base.errors import ReadError
 from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.contract import HEAD_BYTES, Layout, Mark, Rows, register
 from gmwm.files.formats.byte_sources import BlockStream, ConvertedSource, FileSource
-from gmwm.files.formats.line_forms import first_of_sample, joined, shape_of
+from gmwm.files.formats.line_forms import as_one_line, first_of_sample, shape_of
 from gmwm.files.formats.text import Place, TextReader
 from gmwm.files.formats.text_rows import as_text
 
@@ -249,10 +249,10 @@ class _JoinedSource(ConvertedSource):
         sample: list[str] = []
         for line in map(as_text, file):
             if sample and shape_of(line) == first:
-                yield joined(sample).encode() + b"\n"
+                yield as_one_line(sample).encode() + b"\n"
                 sample = []
             sample += [line] if line.strip() else []
-        yield joined(sample).encode() + b"\n"
+        yield as_one_line(sample).encode() + b"\n"
 
 
 def _lines(head: bytes) -> list[str]:

@@ -75,7 +75,7 @@ def excess(noise: Model | None, lines: tuple[TermLine, ...], design: Design, *, 
     """Compute the contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     slow = [line for line in lines if np.any(_stages(line, design) >= 0)]
-    if noise is not None and (closed := _closed(noise, slow, design, diagonal=diagonal)) is not None:
+    if noise is not None and (closed := _closed_form(noise, slow, design, diagonal=diagonal)) is not None:
         lines = tuple(line for line in lines if line not in slow)
         total += np.diag(closed) if diagonal else closed
     if noise is not None:
@@ -144,7 +144,7 @@ class _Wave(OSC, register=False):
         return ExponentialSum.of_exponential(self.scale, 2j * math.pi * self.value("frequency") / rate)
 
 
-def _closed(noise: Model, lines: Sequence[TermLine], design: Design, *, diagonal: bool) -> Matrix | None:
+def _closed_form(noise: Model, lines: Sequence[TermLine], design: Design, *, diagonal: bool) -> Matrix | None:
     """Compute 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J), or its diagonal (J,), in closed form; None if there is none.
     It is what a Gaussian process with the covariance R adds to the sum of the covariances of both."""
     random = [process for process in noise.processes if process.mean(1.0) == process.mean(0.0)]

@@ -123,13 +123,13 @@ def _residuals(block: Vector, shares: Vector) -> Matrix:
             first, of_first = np.where(new, second, first), np.where(new, of_second, of_first)
             beside, second, of_second = np.where(new, 0.0, [beside, second, of_second])
         later = at[k] - corners[k]
-        first, (beside, of_first), (later, rest) = _rotated(first, 1 - later, [beside, of_first], [later, value])
-        second, (of_second,), (rest,) = _rotated(second, later, [of_second], [rest])
+        first, (beside, of_first), (later, rest) = _rotate(first, 1 - later, [beside, of_first], [later, value])
+        second, (of_second,), (rest,) = _rotate(second, later, [of_second], [rest])
         squares += rest**2
     return np.asarray(squares / np.maximum(block.size - corners[-1] - 2, 1))
 
 
-def _rotated(
+def _rotate(
     first: Matrix, second: Matrix, row: Sequence[Matrix], other: Sequence[Matrix | float]
 ) -> tuple[Matrix, list[Matrix], list[Matrix]]:
     """Rotate two rows so that the first element of the `other` becomes zero; return the first element of the row, and
