@@ -38,6 +38,7 @@ def test_it_fits_eighty_columns(calibration):
         (0.292, 0.264, 0.458, "0.292 +57/−10 %"),
         (2.41, 2.355, 2.425, "2.41 +0.6/−2.3 %"),
         (1.0, 0.9999, 1.5, "1 +50/−0.01 %"),
+        (1.11, 0.88, 1.11 * (1 + 1e-12), "1.11 +0/−21 %"),
     ],
 )
 def test_a_number_of_any_size_has_an_interval(value, low, high, text):

@@ -449,6 +449,9 @@ def test_attitude_alone_is_no_recording(tmp_path):
     )
     with raises(ReadError, "PASHR", code="no-inertial-data"):
         gmwm.read(path)
+    path.write_text(novatel("RAWIMUSXA", "00,99,")().replace(",99,", ",98,"))
+    with raises(ReadError, "with a wrong checksum", code="no-inertial-data"):
+        gmwm.read(path)
 
 
 def test_checksums_of_public_examples():

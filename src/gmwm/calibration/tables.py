@@ -66,7 +66,8 @@ def number(entry: Entry) -> str:
         # Both parts have the decimals of the larger one.
         decimals = max(0, 1 - math.floor(math.log10(max(below, above))))
         upper, lower = (
-            f"{part:.{decimals}f}" if round(part, decimals) else round_text(part, 1) for part in (above, below)
+            round_text(part, 1) if 1e-6 < part < 0.5 * 10**-decimals else f"{part:.{decimals}f}"
+            for part in (above, below)
         )
         return f"{round_text(value, 3)} +{upper}/−{lower} %"
     return f"{round_text(value, 3)} ± {round_text(half)} %"

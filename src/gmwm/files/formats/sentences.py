@@ -154,6 +154,7 @@ class _SentenceFormat(Reader):
         names = [name for name in SENTENCES if counts[name]]
         others = tuple(f"{name} ({count})" for name, count in counts.most_common(8) if name not in SENTENCES)
         if not names:
+            others += tuple(f"{name} ({count} with a wrong checksum)" for name, count in damaged.most_common(8))
             raise ReadError(
                 f"{path} holds no sentence with angular rates or accelerations. Its sentences: "
                 f"{join_names(list(others)) or 'none'}",
