@@ -11,7 +11,7 @@ AXES = {
     "time": "time t Time timestamp %time #timestamp time_s stamp header.stamp seconds_elapsed field.header.stamp tow",
     "temperature": "temperature Temp imu_temp",
     "": "mag_x x seq frame_id gyro_x_std accel_bias_x orientation.x delta_angle_x index gyro velocity_x max "
-    "angular_acceleration_x temp_new temp_std header.stamp.sec header.stamp.nanosec VelInc_X cov_gyro_x",
+    "gravity_x angular_acceleration_x temp_new temp_std header.stamp.sec header.stamp.nanosec VelInc_X cov_gyro_x",
 }
 
 

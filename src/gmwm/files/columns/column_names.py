@@ -123,7 +123,10 @@ def role_of(channel: Channel) -> str:
 
 def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
     """Return the axis of a column whose name is only a letter and a unit, such as X (rad/s), x_dps or dps_x."""
-    letter, unit = (tail, "".join(words)) if tail in ("x", "y", "z") else ("".join(words), tail or unit)
+    if tail in ("x", "y", "z") and not unit and words != ["gravity"]:  # which is what phones call a vector
+        letter, unit = tail, "".join(words)
+    else:
+        letter, unit = "".join(words), tail or unit
     if letter in ("x", "y", "z"):
         for quantity in ("gyro", "accel"):
             if name := unit_of(unit, quantity):
