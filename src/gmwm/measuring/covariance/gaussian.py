@@ -237,7 +237,7 @@ def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
     if possible[: len(levels)] == levels:
         levels = possible
     values = tuple(process.nonlinear.tolist())
-    known = _shape_of if values else _only_shape_of
+    known = _shape_of if values or design.pooled is None else _shape_of_segment
     return known(type(process), values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
 
 
@@ -252,7 +252,7 @@ def _compute_shape(
 
 
 _shape_of = computed_once(6)(_compute_shape)
-_only_shape_of = computed_once(2 * EXACT_LENGTHS)(_compute_shape)  # at each length of a segment, up to 3 MB
+_shape_of_segment = computed_once(2 * EXACT_LENGTHS)(_compute_shape)  # of each length, up to 3 MB
 
 
 def _over_lags(
