@@ -29,10 +29,9 @@ from gmwm.theory.processes.model import Model
 
 def knows(model: Model, design: Design) -> bool:
     """Return whether this module has the covariance: overlapping Haar, processes of closed form or short memory."""
-    present = [process for process in model.processes if process.scale > 0]
-    if not design.running_sum:
-        return False
-    return _split(present, design) is not None or all(p.memory(design.rate) is not None for p in present)
+    return has_closed_form(model, design) or (
+        design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
+    )
 
 
 def has_closed_form(model: Model, design: Design) -> bool:
@@ -237,8 +236,8 @@ def _shape(process: Process, design: Design, diagonal: bool) -> _Shape:
     if possible[: len(levels)] == levels:
         levels = possible
     values = tuple(process.nonlinear.tolist())
-    known = _shape_of if values or design.pooled is None else _shape_of_segment
-    return known(type(process), values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
+    shape_of = _shape_of if values or design.pooled is None else _shape_of_segment
+    return shape_of(type(process), values, rate=design.rate, levels=levels, samples=design.samples, diagonal=diagonal)
 
 
 def _compute_shape(

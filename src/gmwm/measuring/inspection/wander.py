@@ -238,14 +238,15 @@ class Likelihood:
         if courses is not None and len(courses):
             # Of a pair, what the courses leave.
             cross, flat = self.grid.weights @ (courses * self.z).T, flat.copy()
-            beside = [self.grid.weights @ (x[:, None] * courses).reshape(-1, x.shape[1]).T for x in pairs[:2]]
-            beside = [each.reshape(len(each), -1, len(courses)).transpose(0, 2, 1) for each in beside]
-            known = np.concatenate([cross[:, :, None], *beside], axis=2)
-            explained = np.linalg.solve(_gram(self.grid.weights, courses), known)
+            products = [self.grid.weights @ (x[:, None] * courses).reshape(-1, x.shape[1]).T for x in pairs[:2]]
+            products = [each.reshape(len(each), -1, len(courses)).transpose(0, 2, 1) for each in products]
+            sums = np.concatenate([cross[:, :, None], *products], axis=2)
+            explained = np.linalg.solve(_gram(self.grid.weights, courses), sums)
             flat -= np.sum(cross * explained[:, :, 0], axis=1)[:, None]
-            u, v = (x - np.sum(y * explained[:, :, :1], axis=1) for x, y in zip((u, v), beside, strict=True))
+            u, v = (x - np.sum(y * explained[:, :, :1], axis=1) for x, y in zip((u, v), products, strict=True))
             first, second = np.split(explained[:, :, 1:], 2, axis=2)
-            parts = (a * (1 + 1e-10), beside[0], first), (b, beside[0], second), (c * (1 + 1e-10), beside[1], second)
+            of_first, of_second = products
+            parts = (a * (1 + 1e-10), of_first, first), (b, of_first, second), (c * (1 + 1e-10), of_second, second)
             a, b, c = (whole - np.sum(x * y, axis=1) for whole, x, y in parts)
         return self._profile(flat - (u**2 * c - 2 * u * v * b + v**2 * a) / (a * c - b**2))
 

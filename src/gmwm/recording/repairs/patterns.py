@@ -104,17 +104,17 @@ def _are_straight(block: Vector, shares: Sequence[float]) -> list[bool]:
     window = np.hanning(_BLOCK)
     density = np.abs(np.fft.rfft((block - block[0]) * window)) ** 2 / float(window @ window)
     noise = float(np.quantile(density, 0.8)) / np.log(5)
-    left = _residuals(block - block[0], np.array(shares))
-    fits = np.min(left, axis=1) < _EXACT * np.minimum(noise, np.median(left, axis=1))
+    variances = _residual_variances(block - block[0], np.array(shares))
+    fits = np.min(variances, axis=1) < _EXACT * np.minimum(noise, np.median(variances, axis=1))
     return [bool(each) for each in fits]
 
 
-def _residuals(block: Vector, shares: Vector) -> Matrix:
+def _residual_variances(block: Vector, shares: Vector) -> Matrix:
     """Return the variance that straight lines with corners at (k − phase) / share leave, for each share and phase."""
     at = np.arange(block.size)[:, None, None] * shares[:, None] + np.arange(_PHASES) / _PHASES
     corners = np.floor(at)
-    # Least squares by Givens rotations of all of them at once. A sample is on the line between two corners, so the
-    # triangle that remains to be rotated has two rows: their elements, and what the rotations made of the data.
+    # Least squares by Givens rotations, for all of them at once. A sample is on the line between two corners, so that
+    # later rotations need only two rows of the triangle: their elements, and the rotated data.
     (first, beside, of_first), (second, of_second) = np.zeros((3, *at.shape[1:])), np.zeros((2, *at.shape[1:]))
     squares = np.zeros(at.shape[1:])
     for k, value in enumerate(block.tolist()):
