@@ -28,6 +28,9 @@ constexpr double unseen = 1e-13;  // correlations that change no sum of lags
 constexpr double turn = 1;
 constexpr double shortest_rule = 256;  // lags of which eight nodes take less time than every lag
 constexpr double gone = 40;            // exp(-40) is nothing next to 1
+// Harmonics of an oscillation in its powers, and terms of the sum by parts of each.
+constexpr std::size_t harmonics = 2 * powers + 2, parts = 3;
+constexpr std::size_t none = static_cast<std::size_t>(-1);
 
 using Values = std::array<double, block>;
 using Polynomial = std::array<double, degree_most + 1>;
@@ -66,6 +69,14 @@ GMWM_INLINE double hermite(double value, double over_unit, const double* weights
   double total = weights[powers - 1];
   for (std::size_t r = powers - 1; r-- > 0;) total = total * square + weights[r];
   return total * square * square;
+}
+
+// cos θ at n phases, with which the mean over all phases of a polynomial of degree 2n - 1 in cos θ is exact.
+template <std::size_t n>
+std::array<double, n> cosines() {
+  std::array<double, n> out;
+  for (std::size_t k = 0; k < n; ++k) out[k] = std::cos(std::numbers::pi * (static_cast<double>(k) + 0.5) / n);
+  return out;
 }
 
 // Σ (at_start + step l) T(values[l]) over n lags.
@@ -107,6 +118,10 @@ class Sums {
   double lag_by_lag(std::int64_t begin, std::int64_t end, LagCount count);
   double rules(std::int64_t begin, std::int64_t end, LagCount count);
   double rule(std::int64_t begin, std::int64_t points, LagCount count);
+  double term(double lag) const;
+  Complex swing(double lag) const;
+  double harmonics_from(std::int64_t begin, LagCount count) const;
+  double least_turn(std::size_t k) const;
   void start(std::int64_t begin);
   void step(std::int64_t begin);
   Complex last_of_block(const Moving& next, std::int64_t begin) const;
@@ -123,6 +138,7 @@ class Sums {
   std::map<std::int64_t, double> variances_;
   std::map<std::int64_t, std::array<std::array<double, order>, 2>> rules_;
   LagPiece piece_;
+  std::size_t lasting_ = none;  // place in the piece of an oscillation of which rules take the mean over its phases
   double unit_ = 1;  // √s
   Polynomial smooth_{};  // in powers of (i - begin_) / span
   std::size_t degree_ = 0;
@@ -176,7 +192,7 @@ const Powers& Sums::table(std::size_t p) {
   return tables_[table_of_[p] - 1];
 }
 
-// C(start + x) at a real number x, without spikes and echoes.
+// C(start + x) at a real number x, without spikes and echoes, and without an oscillation whose mean is taken.
 double Sums::at(double lag) const {
   const double n = static_cast<double>(piece_.count), t = lag / n;
   double value = 0;
@@ -190,6 +206,7 @@ double Sums::at(double lag) const {
       value += modulus * (factor.re * std::cos(decay.im * distance) + factor.im * std::sin(decay.im * distance));
   };
   for (std::size_t k = 0; k < piece_.active.size(); ++k) {
+    if (k == lasting_) continue;
     const Complex decay = process_.decay(piece_.active[k]);
     if (norm(piece_.ahead[k]) > 0) add(piece_.ahead[k], decay, lag);
     if (norm(piece_.behind[k]) > 0) add(piece_.behind[k], decay, n - 1 - lag);
@@ -325,12 +342,74 @@ double Sums::lag_by_lag(std::int64_t begin, std::int64_t end, LagCount count) {
   return total;
 }
 
-double Sums::rule(std::int64_t begin, std::int64_t points, LagCount count) {
-  const double over_unit = 1 / (unit_ * unit_), first = static_cast<double>(begin);
+// The oscillation whose mean is taken, as a number that turns by -ω a lag.
+Complex Sums::swing(double lag) const {
+  const Complex decay = process_.decay(piece_.active[lasting_]);
+  const double rest = static_cast<double>(piece_.count) - 1 - lag;
+  return piece_.ahead[lasting_] * exp(-(lag * decay)) + conj(piece_.behind[lasting_] * exp(-(rest * decay)));
+}
+
+// T(C) at a lag, or its mean over the phases of an oscillation.
+double Sums::term(double lag) const {
+  static const auto phases = cosines<powers + 2>();
+  const double over_unit = 1 / (unit_ * unit_), value = at(lag);
+  if (lasting_ == none) return hermite(value, over_unit, weights_.data());
+  const double amplitude = gmwm::size(swing(lag));
   double total = 0;
-  const auto add = [&](double lag, double weight) {
-    total += weight * (count.at_start + count.step * lag) * hermite(at(lag), over_unit, weights_.data());
-  };
+  for (const double phase : phases) total += hermite(value + amplitude * phase, over_unit, weights_.data());
+  return total / static_cast<double>(phases.size());
+}
+
+// What the harmonics of an oscillation add to the sum over all lags from `begin` on, if they ended slowly. With
+// g(u) = n(u) times the factor of z^u, Σ_{u ≥ a} z^u g(u) = z^a Σ_r z^r Δ^r g(a) / (1 - z)^(r + 1).
+double Sums::harmonics_from(std::int64_t begin, LagCount count) const {
+  constexpr std::size_t size = powers + 2 + harmonics / 2;
+  static const auto phases = cosines<size>();
+  const double over_unit = 1 / (unit_ * unit_), omega = process_.decay(piece_.active[lasting_]).im;
+  std::array<std::array<double, parts>, harmonics> factors{};
+  Complex first;
+  for (std::size_t r = 0; r < parts; ++r) {
+    const double lag = static_cast<double>(begin + static_cast<std::int64_t>(r)), value = at(lag);
+    const Complex turned = swing(lag);
+    if (r == 0) first = turned;
+    for (const double phase : phases) {
+      const double here = hermite(value + gmwm::size(turned) * phase, over_unit, weights_.data());
+      double before = 1, cosine = phase;  // cos kθ
+      for (std::size_t k = 0; k < harmonics; ++k) {
+        factors[k][r] += 2.0 / size * (count.at_start + count.step * lag) * here * cosine;
+        before = std::exchange(cosine, 2 * phase * cosine - before);
+      }
+    }
+  }
+  if (norm(first) == 0) return 0;
+  double total = 0;
+  const Complex unit = (1 / gmwm::size(first)) * first;
+  Complex angle{1, 0};
+  for (std::size_t k = 0; k < harmonics; ++k) {
+    angle *= unit;
+    const Complex less = expm1({0, -wrapped({0, static_cast<double>(k + 1) * omega}).im}), over = inverse(-less);
+    Complex factor = angle * over;
+    for (std::size_t r = 0; r < parts; ++r, factor *= (Complex{1, 0} + less) * over) {
+      total += factors[k][0] * factor.re;
+      for (std::size_t s = 0; s + 1 < parts; ++s) factors[k][s] = factors[k][s + 1] - factors[k][s];
+    }
+  }
+  return total;
+}
+
+// The smallest |1 - z^k| of the harmonics of an oscillation.
+double Sums::least_turn(std::size_t k) const {
+  const double omega = process_.decay(piece_.active[k]).im;
+  double least = 2;
+  for (std::size_t r = 1; r <= harmonics; ++r)
+    least = std::min(least, 2 * std::abs(std::sin(0.5 * static_cast<double>(r) * omega)));
+  return least;
+}
+
+double Sums::rule(std::int64_t begin, std::int64_t points, LagCount count) {
+  const double first = static_cast<double>(begin);
+  double total = 0;
+  const auto add = [&](double lag, double weight) { total += weight * (count.at_start + count.step * lag) * term(lag); };
   if (points <= static_cast<std::int64_t>(2 * order)) {
     for (std::int64_t i = 0; i < points; ++i) add(first + static_cast<double>(i), 1);
     return total;
@@ -348,8 +427,9 @@ double Sums::rules(std::int64_t begin, std::int64_t end, LagCount count) {
   bool from_front = false, from_back = false;
   for (std::size_t k = 0; k < piece_.active.size(); ++k) {
     const Complex decay = process_.decay(piece_.active[k]);
-    if (turn / decay.im < shortest_rule) continue;
-    fastest = std::max(fastest, decay.re), angle = std::max(angle, decay.im);
+    if (turn / decay.im < shortest_rule && k != lasting_) continue;
+    fastest = std::max(fastest, decay.re);
+    if (k != lasting_) angle = std::max(angle, decay.im);
     from_front = from_front || norm(piece_.ahead[k]) > 0, from_back = from_back || norm(piece_.behind[k]) > 0;
   }
   const std::int64_t n = piece_.count;
@@ -384,26 +464,61 @@ double Sums::rules(std::int64_t begin, std::int64_t end, LagCount count) {
 
 double Sums::piece(LagCount count) {
   const std::int64_t n = piece_.count;
-  std::int64_t front = std::min(n, static_cast<std::int64_t>(process_.spikes())), back = front;
-  const auto reach = [&](Complex factor, Complex decay) {
-    const double size = size_of(factor) / (silent * unit_);
+  // Lags after which a factor that decays is smaller than `share` of the smallest that matters.
+  const auto reach = [&](Complex factor, Complex decay, double share) {
+    const double size = size_of(factor) * share / (silent * unit_);
     if (!(size > 1)) return std::int64_t{0};
     const double lags = std::log(size) / decay.re;
     return lags < static_cast<double>(n) ? static_cast<std::int64_t>(lags) + 1 : n;
   };
-  for (std::size_t k = 0; k < piece_.active.size(); ++k) {
+  const std::int64_t spikes = std::min(n, static_cast<std::int64_t>(process_.spikes()));
+  struct Ends {
+    std::int64_t front, back;
+    void extend(std::int64_t front_reach, std::int64_t back_reach) {
+      front = std::max(front, front_reach), back = std::max(back, back_reach);
+    }
+  };
+  Ends ends{spikes, spikes}, others = ends;
+  std::size_t longest = none;
+  for (std::size_t k = 0, most = 0; k < piece_.active.size(); ++k) {
     const Complex decay = process_.decay(piece_.active[k]);
     if (turn / decay.im >= shortest_rule) continue;
-    front = std::max(front, reach(piece_.ahead[k], decay)), back = std::max(back, reach(piece_.behind[k], decay));
+    const std::int64_t front = reach(piece_.ahead[k], decay, 1), back = reach(piece_.behind[k], decay, 1);
+    ends.extend(front, back);
+    if (static_cast<std::size_t>(front + back) > most) most = static_cast<std::size_t>(front + back), longest = k;
   }
-  if (!piece_.echoes.empty() || front + back + static_cast<std::int64_t>(block) > n) front = n, back = 0;
+  lasting_ = none;
+  if (!piece_.echoes.empty()) {
+    ends = {n, 0};
+  } else if (longest != none && ends.front + ends.back > static_cast<std::int64_t>(span)) {
+    // The rest of a sum by parts falls with this power of the ratio of a decay and the turn of the oscillation.
+    const double least = least_turn(longest);
+    const auto share = [&](double speed) { return std::pow(std::min(speed / least, 1.0), static_cast<double>(parts)); };
+    for (std::size_t r = 1; r <= piece_.degree; ++r)
+      others.extend(reach({piece_.polynomial[r], 0}, {}, share(static_cast<double>(r) / static_cast<double>(n))), 0);
+    for (std::size_t k = 0; k < piece_.active.size(); ++k) {
+      const Complex decay = process_.decay(piece_.active[k]);
+      const bool fast = turn / decay.im < shortest_rule && k != longest;
+      const double speed = k == longest ? decay.re : gmwm::size(decay);
+      const double left = fast ? 1.0 : share(speed);
+      others.extend(reach(piece_.ahead[k], decay, left), reach(piece_.behind[k], decay, left));
+    }
+    others.back += static_cast<std::int64_t>(parts);  // lags of which the sum by parts takes differences
+    const std::int64_t shorter = std::min(ends.front + ends.back, n) - static_cast<std::int64_t>(block);
+    if (least > turn / shortest_rule && others.front + others.back < shorter) lasting_ = longest, ends = others;
+  }
+  if (ends.front + ends.back + static_cast<std::int64_t>(block) > n) ends = {n, 0};
+  const auto [front, back] = ends;
   echo_tables_.resize(piece_.echoes.size());
   for (std::size_t k = 0; k < piece_.echoes.size(); ++k)
     for (std::size_t l = 0; l < block; ++l) {
       const Complex power = exp({0, -std::remainder(piece_.echoes[k].angle * static_cast<double>(l), 2 * std::numbers::pi)});
       echo_tables_[k].ahead_re[l] = power.re, echo_tables_[k].ahead_im[l] = power.im;
     }
-  return lag_by_lag(0, front, count) + rules(front, n - back, count) + lag_by_lag(n - back, n, count);
+  double total = lag_by_lag(0, front, count) + rules(front, n - back, count) + lag_by_lag(n - back, n, count);
+  if (lasting_ != none) total += harmonics_from(front, count) - harmonics_from(n - back, count);
+  lasting_ = none;
+  return total;
 }
 
 double Sums::variance(std::int64_t h) {

@@ -129,23 +129,22 @@ void mixtures() {
   compare(one, two, 1e-11);
 }
 
-// Even powers of correlations, of a recording of some blocks of lags.
-void powers(const Process& process, double tolerance) {
-  const std::int64_t samples = 1500;
-  const std::vector<std::int64_t> levels{1, 2, 4, 7, 9};
+// Even powers of correlations.
+void powers(const Process& process, std::int64_t samples, const std::vector<std::int64_t>& levels, double tolerance) {
   const std::vector<double> weights{0.5, 0.1, 0.01};
-  std::vector<double> variances(5), sums(15), own(5), same(5);
+  const std::size_t size = levels.size();
+  std::vector<double> variances(size), sums(size * (size + 1) / 2), own(size), same(size);
   gmwm::hermite_sums(levels, samples, false, process.view(), weights, {variances, sums});
   gmwm::hermite_sums(levels, samples, true, process.view(), weights, {same, own});
   const std::vector<Wide> k = process.running(2 * samples);
   for (std::size_t b = 0, place = 0; b < levels.size(); ++b)
     for (std::size_t a = 0; a <= b; ++a, ++place) {
       const std::int64_t h = std::int64_t{1} << (levels[a] - 1), g = std::int64_t{1} << (levels[b] - 1);
-      const Wide size = difference(k, 0, h, h) * difference(k, 0, g, g);
+      const Wide square = difference(k, 0, h, h) * difference(k, 0, g, g);
       Wide sum = 0;
       for (std::int64_t u = 2 * g - samples; u <= samples - 2 * h; ++u) {
         const Wide n = static_cast<Wide>(samples - std::max<std::int64_t>(u, 0) - std::max(2 * h - 1, 2 * g - 1 - u));
-        const Wide c = difference(k, u, h, g), x = c * c / size;
+        const Wide c = difference(k, u, h, g), x = c * c / square;
         sum += n * x * x * (0.5L + x * (0.1L + x * 0.01L));
       }
       CHECK(std::abs(sums[place] - static_cast<double>(sum)) <= tolerance * std::sqrt(own[a] * own[b]));
@@ -161,8 +160,18 @@ void powers_of_oscillations() {
       Process process;
       process.white = 0.01, process.walk = 1e-7, process.spikes = {0.2, 0.1};
       process.add(1, 0, decay, angle), process.add(0.3, 0, 0.01, 0), process.add(0.3, 0, 1e-4, 0);
-      powers(process, 1e-7);
+      powers(process, 1500, {1, 2, 4, 7, 9}, 1e-7);
     }
+}
+
+// In pieces of which rules take the mean over the phases of an oscillation, and at harmonics for which they cannot.
+void powers_of_lasting_oscillations() {
+  for (const double angle : {0.02, 0.3, 2 * std::numbers::pi / 3 + 1e-4, 2.7}) {
+    Process process;
+    process.white = 0.01, process.walk = 1e-9;
+    process.add(1, 0.1, 1e-11, angle), process.add(0.3, 0, 0.5, 0), process.add(0.3, 0, 2e-5, 0), process.add(1, 0, 0.02, 1.1);
+    powers(process, 60000, {5, 13}, 1e-7);
+  }
 }
 
 // Sums of falling powers and exponentials, and of powers, against sums lag by lag.
@@ -199,5 +208,6 @@ int main() {
     mixtures();
     falling_powers();
     powers_of_oscillations();
+    powers_of_lasting_oscillations();
   });
 }

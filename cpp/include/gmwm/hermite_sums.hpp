@@ -1,7 +1,8 @@
 // Sums over all lags of even powers of correlations of Haar wavelet coefficients, for covariances of robust estimates.
 //
-// Where an oscillation lasts, every lag is evaluated, from tables of powers of the poles; elsewhere a Gauss rule for sums
-// over integers takes a few nodes.
+// Where oscillations matter, every lag is evaluated, from tables of powers of the poles; elsewhere a Gauss rule for sums
+// over integers takes a few nodes. If one oscillation outlasts all else that changes within its period, the rule takes the
+// mean over its phases, and its harmonics are summed by parts.
 #pragma once
 
 #include <cstddef>
