@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import Matrix
 from gmwm.base.errors import ReadError
-from gmwm.base.remarks import Remark
 from gmwm.base.text import with_article
 
 _KEYS = {
@@ -114,7 +113,7 @@ def _require(value: Any, kind: Any, key: str, document: Document) -> None:
             "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
         )
         raise document.error(f"{key} must be {_words(kind)}; got {shown}")
-    if isinstance(value, Remark):  # checked when it was read
+    if getattr(value, "checks_itself", False):
         return
     if _is_too_large(value):
         raise document.error(f"{key} has a number above {LARGEST_NUMBER:g}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from gmwm.base.remarks.registry import Message, Severity, as_fact, message
 from gmwm.base.template import Dialect, Fact, Quantity
@@ -21,6 +21,7 @@ class Remark:
     ('wrong', 3)
     """
 
+    checks_itself: ClassVar[bool] = True  # so that `gmwm.base.kinds` need not
     code: str
     severity: Severity
     subject: str = ""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -196,6 +196,7 @@ class Model(KalmanMethods):
     True
     """
 
+    checks_itself: ClassVar[bool] = True  # so that `gmwm.base.kinds` need not
     processes: tuple[Process, ...]
 
     def __post_init__(self) -> None:
