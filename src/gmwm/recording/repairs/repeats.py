@@ -249,17 +249,21 @@ def _has_long_runs(lengths: Indices, share: float) -> bool:
 def _by_chance(axes: Sequence[Vector], starts: Indices, roughness: tuple[float, ...]) -> Vector:
     """Return the probability that the sample after each of `starts` is equal on all axes by chance: how often the value
     returns after another one nearby, and for rare values its frequency."""
-    chance = np.ones(starts.size)
+    chance, size = np.ones(starts.size), axes[0].size
+    start = np.isin(np.arange(size), starts)
+    place = np.cumsum(start) - 1  # among `starts`
     for values, rough in zip(axes, roughness, strict=False):  # a plan can be for some of the axes
         # Samples of one value follow each other in this number, and those of different values are far apart.
-        number = np.unique(values, return_inverse=True)[1] * (values.size + 2 * LIMITS.reach) + np.arange(values.size)
-        ends = np.flatnonzero(values[1:] != values[:-1])
-        returns = ends[:-1][values[np.minimum(ends[:-1] + 2, values.size - 1)] == values[ends[:-1]]]
-        at = number[starts]
-        order = np.argsort(at)  # in order, they are found six times as fast
-        visits, returned = np.empty_like(at), np.empty_like(at)
-        visits[order], returned[order] = (_near(np.sort(number[events]), at[order]) for events in (ends, returns))
-        frequency = np.maximum(visits - 1, 0) / np.maximum(_near(ends, starts), 1)
+        number = np.unique(values, return_inverse=True)[1] * (size + 2 * LIMITS.reach) + np.arange(size)
+        number.sort()
+        sample = number % (size + 2 * LIMITS.reach)
+        end = np.append(values[1:] != values[:-1], False)
+        returns = end & np.append(values[2:] == values[:-2], (False, False))
+        chosen, counts = start[sample], np.empty((2, starts.size))
+        counts[:, place[sample[chosen]]] = [_near(number[e[sample]], number[chosen]) for e in (end, returns)]
+        (visits, returned), ends = counts, np.concatenate([[0], np.cumsum(end)])
+        around = ends[np.minimum(starts + LIMITS.reach + 1, size)] - ends[np.maximum(starts - LIMITS.reach, 0)]
+        frequency = np.maximum(visits - 1, 0) / np.maximum(around, 1)
         # A rare value returns too seldom: its frequency counts as 20 visits.
         chance *= np.minimum(rough * (returned + 20 * frequency) / (visits + 20), 0.99)
     return np.maximum(chance, 1e-12)

@@ -168,9 +168,8 @@ class Model(KalmanMethods):
 
     The methods share their arguments with `Process`: `rate` in Hz; `levels`, their number J or an ascending list;
     `lags` (samples); `frequencies` (Hz); `filter`, a name or a `WaveletFilter`; `n` and `paths`, the number of samples
-    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `ModelError` if a parameter has no
-    value, `MissingTheoryError` if a term does not define the theory (check with `has`), and `OptionError` if an
-    argument is invalid.
+    and of sample paths; `rng`, a NumPy Generator or a seed. They raise `ModelError` if a parameter has no value,
+    `MissingTheoryError` if a term does not define the theory (check with `has`), `OptionError` for a wrong argument.
 
     Parameters
     ----------
