@@ -1,6 +1,7 @@
 """The shortest recording that can be calibrated, and where its limits come from."""
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -76,6 +77,16 @@ def test_a_short_axis_does_not_stop_the_others():
     assert list(found) == ["gyro_x"]
     with raises(DataError, "32 samples", argument="axis", got="gyro_y"):
         found["gyro_y"]
+
+
+def test_random_losses_that_cannot_be_filled_end_the_calibration():
+    rng = np.random.default_rng(2)
+    kept = np.flatnonzero(rng.random(4000) > 0.4)
+    begins = [0, *(np.flatnonzero(np.diff(kept) > 1) + 1).tolist()]
+    gaps = {"segments": tuple(pairwise([*begins, kept.size])), "starts": tuple((kept[begins] / 100.0).tolist())}
+    lossy = gmwm.Signal(rng.normal(0, 1e-3, kept.size), 100.0, "rad/s", axis="gyro_x", **gaps)
+    with raises(DataError, f"{len(begins) - 1} gaps", "128", argument="data"):
+        gmwm.calibrate(lossy)
 
 
 def test_a_model_can_be_fitted_to_a_short_curve():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm import Signal
-from gmwm.measuring.outliers import Bursts, find_bursts
+from gmwm.measuring.outliers import Bursts, bursts, find_bursts
 from gmwm.measuring.outliers.bursts import BurstFinder
 
 N, RATE = 50_000, 100.0
@@ -89,6 +89,17 @@ def test_chunks_change_nothing_and_gaps_are_respected():
     pieces = finder.result()
     assert pieces.to_dict() == whole.to_dict()
     assert Bursts.from_dict(whole.to_dict()).to_dict() == whole.to_dict()
+
+
+def test_short_segments_share_the_quantization_step(monkeypatch):
+    samples = []
+    monkeypatch.setattr(bursts, "step_of", samples.append)
+    finder = BurstFinder(RATE)
+    for part in np.split(noise(n=8000), 1000):
+        finder.update(part)
+        finder.gap()
+    assert 10 < len(samples) < 60
+    assert samples[-1].size > 7000
 
 
 def test_few_samples_have_no_bursts():

@@ -11,8 +11,10 @@ import numpy as np
 
 from gmwm.base.errors import DataError, GmwmError, OptionError
 from gmwm.base.remarks import Remark
+from gmwm.base.text import counted
 from gmwm.base.threads import in_threads, return_memory
 from gmwm.calibration.data import Curve, Part, Recordings
+from gmwm.calibration.findings import LEAST_SCALES_FOR_USE
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import (
@@ -40,7 +42,7 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
-from gmwm.recording.gaps import fill_gaps
+from gmwm.recording.gaps import fill_gaps, joined_ranges
 from gmwm.recording.repairs import only_axes, repaired, without_jumps
 from gmwm.recording.repairs.beginning import without_times
 from gmwm.recording.signals import Imu, Signal
@@ -180,6 +182,7 @@ def _measure_recording(
         axes = [axis for axis in recordings.axes if axis in part.axes]
         if not axes:
             continue  # repairs have divided the recording, and this part has only axes that are not calibrated
+        _require_scales_between_gaps(part)
         if not any(part is original for original in recordings.parts[name]):
             run = replace(run, scheduler=None, workers=None)  # a repaired recording cannot be divided for processes
         conditions, passes = _read(part, axes, options, run)
@@ -236,6 +239,23 @@ def _measure_recording(
         )
 
     return in_threads(work, {**curves, **accumulators}, threads=run.threads), accumulators, inspections, findings
+
+
+def _require_scales_between_gaps(part: Part) -> None:
+    """Raise a DataError if gaps that are not filled leave no part with the scales that usable numbers need."""
+    if not isinstance(part, Imu) or len(part.segments) < 2:
+        return
+    signal = part[part.axes[0]]
+    ranges = joined_ranges(signal.rate, signal.segments, signal.starts) if signal.gaps_known else signal.segments
+    longest, least = max(last - first for first, last in ranges), 1 << LEAST_SCALES_FOR_USE
+    if longest < least:
+        raise DataError(
+            f"the recording has {counted(len(ranges) - 1, 'gap')} with too few samples around them to be filled. The "
+            f"longest part between them has {counted(longest, 'sample')}, and at least {least} are needed",
+            argument="data", got=longest,
+            advice="Find out why samples are lost, for example by a slow link or disk, and record again, if necessary "
+            "at a lower rate.",
+        )  # fmt: skip
 
 
 def _only(names: Collection[str], part: Part, axes: Sequence[str], pieces: deque[Part]) -> tuple[Part, list[str]]:
