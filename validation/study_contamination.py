@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
+from validation.legend import table_lines
 
 NAME = "contamination"
 SEED = 20261123
@@ -110,23 +111,20 @@ def _ratios(
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each estimator, kind of outliers and parameter."""
     lines = [
-        (
-            f"{result['spoilt']} recordings of {result['samples']} samples at "
-            f"{result['rate']:g} Hz are simulated from {result['model']}. Outliers of fifty "
-            "standard deviations of the white noise are added to 1 % of the samples. An "
-            "estimate is *recovered* if it is within the central 95 % of the estimates of the "
-            f"same estimator from {result['clean']} clean recordings. A single spike affects "
-            "2^j coefficients of level j, so an estimator that works level by level cannot "
-            "recover."
-        ),
+        f"{result['spoilt']} recordings of {result['samples']} samples at "
+        f"{result['rate']:g} Hz are simulated from {result['model']}. Outliers of fifty "
+        "standard deviations of the white noise are added to 1 % of the samples. An "
+        "estimate is *recovered* if it is within the central 95 % of the estimates of the "
+        f"same estimator from {result['clean']} clean recordings. A single spike affects "
+        "2^j coefficients of level j, so an estimator that works level by level cannot "
+        "recover.",
         "",
-        "| estimator | outliers | parameter | clean: estimate / truth | with outliers: median | recovered | all three "
-        "|",
-        "|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['estimator']} | {r['outliers']} | {r['parameter']} | {r['low']:.3f} … {r['high']:.3f} "
-        f"| {r['median']:.3f} | {r['recovered']:.0%} | {r['all_recovered']:.0%} |"
-        for r in result["rows"]
+        *table_lines(
+            "| estimator | outliers | parameter | clean: estimate / truth | with outliers: median | recovered "
+            "| all three |",
+            "| {estimator} | {outliers} | {parameter} | {low:.3f} … {high:.3f} | {median:.3f} | {recovered:.0%} "
+            "| {all_recovered:.0%} |",
+            result["rows"],
+        ),
     ]
     return "\n".join(lines)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from validation.legend import table_lines
 
 NAME = "covariance"
 SEED = 20261121
@@ -81,34 +82,26 @@ def _scatter(nu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each level of each model, one for all covariances between its levels."""
     lines = [
-        (
-            f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
-            "simulated. The table has the ratio of the simulated to the exact variance of the "
-            "wavelet variance at each level, and its deviation from 1 in Monte Carlo standard "
-            "errors. Rounding errors are uniform. The exact variance of the classical "
-            "estimate accounts for this; the variance of the robust estimate (efficiency 0.6) "
-            "does not. The robust variance is asymptotic: it is too small at levels with few "
-            "uncorrelated coefficients."
-        ),
+        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
+        "simulated. The table has the ratio of the simulated to the exact variance of the "
+        "wavelet variance at each level, and its deviation from 1 in Monte Carlo standard "
+        "errors. Rounding errors are uniform. The exact variance of the classical "
+        "estimate accounts for this; the variance of the robust estimate (efficiency 0.6) "
+        "does not. The robust variance is asymptotic: it is too small at levels with few "
+        "uncorrelated coefficients.",
         "",
-        "| model | estimator | level | exact variance | simulated / exact | deviation in standard errors |",
-        "|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['estimator']} | {r['level']} | {r['exact']:.4e} | {r['over_exact']:.4f} "
-        f"| {r['deviation']:+.1f} |"
-        for r in result["rows"]
-    ]
-    lines += [
+        *table_lines(
+            "| model | estimator | level | exact variance | simulated / exact | deviation in standard errors |",
+            "| {model} | {estimator} | {level} | {exact:.4e} | {over_exact:.4f} | {deviation:+.1f} |",
+            result["rows"],
+        ),
         "",
         "The next table summarises all covariances between two levels:",
         "",
-        "| model | estimator | recordings | covariances | beyond two standard errors | largest |",
-        "|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['estimator']} | {r['recordings']} | {r['pairs']} | {r['beyond_two']} "
-        f"| {r['largest']:.1f} |"
-        for r in result["covariances"]
+        *table_lines(
+            "| model | estimator | recordings | covariances | beyond two standard errors | largest |",
+            "| {model} | {estimator} | {recordings} | {pairs} | {beyond_two} | {largest:.1f} |",
+            result["covariances"],
+        ),
     ]
     return "\n".join(lines)

@@ -13,7 +13,7 @@ import numpy as np
 
 import gmwm
 from validation import recordings
-from validation.legend import legend
+from validation.legend import legend, table_lines
 
 NAME = "coverage"
 SEED = recordings.SEED
@@ -54,12 +54,10 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     worst = min(r["covered"] for r in result["rows"]), max(r["covered"] for r in result["rows"])
     lines = [
-        (
-            f"{result['recordings']} recordings of {result['samples']} samples at "
-            f"{result['rate']:g} Hz are simulated from each model and fitted with both "
-            "weightings. The 95 % intervals are asymptotic, and their coverage is "
-            f"{worst[0]:.1%} to {worst[1]:.1%}."
-        ),
+        f"{result['recordings']} recordings of {result['samples']} samples at "
+        f"{result['rate']:g} Hz are simulated from each model and fitted with both "
+        "weightings. The 95 % intervals are asymptotic, and their coverage is "
+        f"{worst[0]:.1%} to {worst[1]:.1%}.",
         *legend(
             {
                 "covered": (f"share of intervals that contain the true value, with a standard error of {noise:.1f} %"),
@@ -69,12 +67,11 @@ def table(result: dict[str, Any]) -> str:
             }
         ),
         "",
-        "| model | weighting | parameter | truth | covered | low | high | median | spread | standard error |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['weighting']} | {r['parameter']} | {r['truth']:g} | {r['covered']:.1%} "
-        f"| {r['below']:.1%} | {r['above']:.1%} | {r['median']:.4f} | {r['spread']:.4f} | {r['standard_error']:.4f} |"
-        for r in result["rows"]
+        *table_lines(
+            "| model | weighting | parameter | truth | covered | low | high | median | spread | standard error |",
+            "| {model} | {weighting} | {parameter} | {truth:g} | {covered:.1%} | {below:.1%} | {above:.1%} "
+            "| {median:.4f} | {spread:.4f} | {standard_error:.4f} |",
+            result["rows"],
+        ),
     ]
     return "\n".join(lines)

@@ -16,6 +16,7 @@ import gmwm
 from gmwm.fitting.estimation.asymptotic import sandwich_of
 from gmwm.fitting.estimation.weighting import precision
 from gmwm.measuring.covariance import as_design, covariance
+from validation.legend import table_lines
 from validation.likelihood import fisher_errors, haar_gains, moment_errors, most_likely, octave_gains
 
 NAME = "efficiency"
@@ -125,54 +126,42 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: errors and ratios of each parameter; the ratios of theory."""
     models = "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
     lines = [
-        (
-            "This study compares the errors of the wavelet moments with the errors of maximum "
-            f"likelihood. It uses {result['recordings']} recordings of {result['samples']} "
-            f"samples at {result['rate']:g} Hz of each model: {models}. "
-            "The table has root mean square errors relative to the true value, their ratios "
-            "to the errors of maximum likelihood on the same recordings with the standard "
-            "error of the ratio, and then the ratios of the errors of the logarithm. The "
-            "bound is the Cramér-Rao bound for a long recording."
+        "This study compares the errors of the wavelet moments with the errors of maximum "
+        f"likelihood. It uses {result['recordings']} recordings of {result['samples']} "
+        f"samples at {result['rate']:g} Hz of each model: {models}. "
+        "The table has root mean square errors relative to the true value, their ratios "
+        "to the errors of maximum likelihood on the same recordings with the standard "
+        "error of the ratio, and then the ratios of the errors of the logarithm. The "
+        "bound is the Cramér-Rao bound for a long recording.",
+        "",
+        *table_lines(
+            "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
+            "| logarithm: optimal / ML | diagonal / ML |",
+            "| {case} | {parameter} | {bound:.4f} | {likelihood:.4f} | {optimal:.4f} | {diagonal:.4f} "
+            "| {optimal_over_likelihood:.3f} ± {optimal_uncertain:.3f} "
+            "| {diagonal_over_likelihood:.3f} ± {diagonal_uncertain:.3f} | {optimal_over_likelihood_log:.3f} "
+            "| {diagonal_over_likelihood_log:.3f} |",
+            result["rows"],
         ),
         "",
-        "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
-        "| logarithm: optimal / ML | diagonal / ML |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['case']} | {r['parameter']} | {r['bound']:.4f} | {r['likelihood']:.4f} | {r['optimal']:.4f} "
-        f"| {r['diagonal']:.4f} | {r['optimal_over_likelihood']:.3f} ± {r['optimal_uncertain']:.3f} "
-        f"| {r['diagonal_over_likelihood']:.3f} ± {r['diagonal_uncertain']:.3f} "
-        f"| {r['optimal_over_likelihood_log']:.3f} | {r['diagonal_over_likelihood_log']:.3f} |"
-        for r in result["rows"]
-    ]
-    lines += [
+        "The next table comes from theory, without simulation. It has the standard error "
+        'divided by the Cramér-Rao bound. "No ends" is the limit of a long recording, in which every '
+        "level has as many coefficients as there are samples; the other rows use the "
+        "exact covariance.",
         "",
-        (
-            "The next table comes from theory, without simulation. It has the standard error "
-            'divided by the Cramér-Rao bound. "No ends" is the limit of a long recording, in which every '
-            "level has as many coefficients as there are samples; the other rows use the "
-            "exact covariance."
+        *table_lines(
+            "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
+            "| {case} | {moments} | {0[GM.beta]:.3f} | {0[GM.sigma2]:.3f} | {0[WN.sigma2]:.3f} |",
+            result["theory"],
         ),
-        "",
-        "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['case']} | {r['moments']} | {r['GM.beta']:.3f} | {r['GM.sigma2']:.3f} | {r['WN.sigma2']:.3f} |"
-        for r in result["theory"]
-    ]
-    lines += [
         "",
         "The next table is for the Haar filter with optimal weights, and for the slow case with other values of β:",
         "",
-        "| correlation times in the recording | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['correlation_times']:g} | {r['bound']:.3f} | {r['GM.beta']:.3f} | {r['GM.sigma2']:.3f} "
-        f"| {r['WN.sigma2']:.3f} |"
-        for r in result["lengths"]
+        *table_lines(
+            "| correlation times in the recording | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
+            "| {correlation_times:g} | {bound:.3f} | {0[GM.beta]:.3f} | {0[GM.sigma2]:.3f} | {0[WN.sigma2]:.3f} |",
+            result["lengths"],
+        ),
     ]
     return "\n".join([*lines, "", _WORDS])
 

@@ -161,12 +161,10 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     models = "; ".join(result["models"].values())
     lines = [
-        (
-            f"{result['recordings']} recordings each of {result['samples']} samples at "
-            f"{result['rate']:g} Hz are simulated from these models: {models}. Each is fitted "
-            "with the true sum and optimal weights, without losses and with its gaps filled "
-            "(`Signal.fill_gaps`)."
-        ),
+        f"{result['recordings']} recordings each of {result['samples']} samples at "
+        f"{result['rate']:g} Hz are simulated from these models: {models}. Each is fitted "
+        "with the true sum and optimal weights, without losses and with its gaps filled "
+        "(`Signal.fill_gaps`).",
         *legend(
             {
                 "covered": (
@@ -186,11 +184,9 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {t['model']} | {_loss(t)} | {covered} | {100 * t['rejected']:.0f} % | {t['n']:.4f} |")
     lines += [
         "",
-        (
-            "The table compares the wavelet variance with the wavelet variance of the same "
-            f"recording without losses, in {result['compared']} recordings. The numbers are "
-            "the mean difference and, in parentheses, the root mean square difference."
-        ),
+        "The table compares the wavelet variance with the wavelet variance of the same "
+        f"recording without losses, in {result['compared']} recordings. The numbers are "
+        "the mean difference and, in parentheses, the root mean square difference.",
         *legend(
             {
                 "filled": "`Signal.fill_gaps`",
@@ -203,13 +199,11 @@ def table(result: dict[str, Any]) -> str:
             "The methods:",
         ),
         "",
-        (
-            "gmwm fills gaps. Filling is as accurate as the pairs at short scales and more "
-            "accurate at long scales: the averages at two lags come from different pairs, so "
-            "their errors do not cancel. Filling also gives robust curves, spectra and all "
-            "other estimates. With a share p of filled samples, the covariance is the "
-            "covariance of a recording without losses times 1 + 2.5 p."
-        ),
+        "gmwm fills gaps. Filling is as accurate as the pairs at short scales and more "
+        "accurate at long scales: the averages at two lags come from different pairs, so "
+        "their errors do not cancel. Filling also gives robust curves, spectra and all "
+        "other estimates. With a share p of filled samples, the covariance is the "
+        "covariance of a recording without losses times 1 + 2.5 p.",
         "",
         f"| model | lost | method | {' | '.join(f'level {j}' for j in SHOWN)} |",
         f"|---|---|---|{'---|' * len(SHOWN)}",

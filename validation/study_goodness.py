@@ -13,6 +13,7 @@ import numpy as np
 
 import gmwm
 from validation import recordings
+from validation.legend import table_lines
 
 NAME = "goodness"
 SEED = recordings.SEED
@@ -93,33 +94,25 @@ def table(result: dict[str, Any]) -> str:
     size = [r for r in result["rows"] if r["kind"] == "size"]
     power = [r for r in result["rows"] if r["kind"] == "power"]
     lines = [
-        (
-            f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
-            "simulated. The fitted model is correct, so a test at the 5 % level should reject "
-            "5 % of the recordings. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
-            f"{result['draws']} simulated recordings for each test, uses all levels."
+        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
+        "simulated. The fitted model is correct, so a test at the 5 % level should reject "
+        "5 % of the recordings. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
+        f"{result['draws']} simulated recordings for each test, uses all levels.",
+        "",
+        *table_lines(
+            "| model | method | weighting | recordings | rejected at 5 % | at 1 % | median p-value |",
+            "| {fitted} | {method} | {weighting} | {recordings} | {at_5:.1%} | {at_1:.1%} | {median:.2f} |",
+            size,
         ),
         "",
-        "| model | method | weighting | recordings | rejected at 5 % | at 1 % | median p-value |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['fitted']} | {r['method']} | {r['weighting']} | {r['recordings']} | {r['at_5']:.1%} | {r['at_1']:.1%} "
-        f"| {r['median']:.2f} |"
-        for r in size
-    ]
-    lines += [
+        f"The fitted model omits the slower Gauss-Markov process: {WITHOUT} is fitted to "
+        "recordings of two such processes. If the slower process is too weak to be "
+        "detected, a test at the 5 % level rejects as often as for a correct model.",
         "",
-        (
-            f"The fitted model omits the slower Gauss-Markov process: {WITHOUT} is fitted to "
-            "recordings of two such processes. If the slower process is too weak to be "
-            "detected, a test at the 5 % level rejects as often as for a correct model."
+        *table_lines(
+            "| truth | weighting | recordings | rejected at 5 % | at 1 % |",
+            "| {truth} | {weighting} | {recordings} | {at_5:.1%} | {at_1:.1%} |",
+            power,
         ),
-        "",
-        "| truth | weighting | recordings | rejected at 5 % | at 1 % |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['truth']} | {r['weighting']} | {r['recordings']} | {r['at_5']:.1%} | {r['at_1']:.1%} |" for r in power
     ]
     return "\n".join(lines)

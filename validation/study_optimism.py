@@ -186,12 +186,10 @@ def _bootstrapped(draws: int, asked: tuple[int, str, int]) -> float:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the right models, then those of which a term is weak or missing."""
     lines = [
-        (
-            f"{result['recordings']} recordings of each model are fitted. The optimism of a fit is the expected "
-            f"difference between its loss on another recording and its loss on the fitted one. The weighting matrix Ω "
-            f"comes from the true model: 1 / V_jj (diagonal), V⁻¹ (optimal), or 1 / (upper − lower)² from the "
-            "confidence limits of the true curve (limits). ± is one standard error."
-        ),
+        f"{result['recordings']} recordings of each model are fitted. The optimism of a fit is the expected "
+        f"difference between its loss on another recording and its loss on the fitted one. The weighting matrix Ω "
+        f"comes from the true model: 1 / V_jj (diagonal), V⁻¹ (optimal), or 1 / (upper − lower)² from the "
+        "confidence limits of the true curve (limits). ± is one standard error.",
         *legend(
             {
                 "simulated": "optimism 2 tr Cov(ν̂, Ων(θ̂)) of the measured ν̂ and the fitted ν(θ̂), over all recordings",
@@ -217,12 +215,10 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        (
-            "The next table has two special cases, with the V of the true model. WN + RW has "
-            "a random walk that many recordings do not show. Theory treats it as either "
-            "present or absent, and is too low on average. GM + WN lacks the second of two "
-            "Gauss-Markov processes, so the second derivatives in H matter."
-        ),
+        "The next table has two special cases, with the V of the true model. WN + RW has "
+        "a random walk that many recordings do not show. Theory treats it as either "
+        "present or absent, and is too low on average. GM + WN lacks the second of two "
+        "Gauss-Markov processes, so the second derivatives in H matter.",
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio "
         "| truth, without second derivatives |",

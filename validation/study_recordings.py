@@ -134,10 +134,8 @@ def _fits(share: float) -> list[dict[str, Any]]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the four tables."""
     lines = [
-        (
-            "Equal recordings are simulated in plain NumPy and fitted together with their "
-            "true model. For noise with heavy tails, the fit uses the covariance that `calibrate` measures."
-        ),
+        "Equal recordings are simulated in plain NumPy and fitted together with their "
+        "true model. For noise with heavy tails, the fit uses the covariance that `calibrate` measures.",
         *legend(
             {
                 "parameters": "share of repeats in which the test of equal parameters rejects at the 5 % level",
@@ -154,20 +152,16 @@ def table(result: dict[str, Any]) -> str:
             for r in result["rows"]
         ),
         "",
-        (
-            "Four recordings of 10 000 samples each have parameters whose logarithms differ by "
-            "normally distributed amounts."
-        ),
+        "Four recordings of 10 000 samples each have parameters whose logarithms differ by "
+        "normally distributed amounts.",
         "",
         "| noise | difference | repeats | parameters | curves | both | fit |",
         "|---|---|---|---|---|---|---|",
         *(f"| {r['kind']} | {r['what']} | {r['repeats']} | {_shares(r)} |" for r in result["powers"]),
         "",
-        (
-            "The table has the coverage of the 95 % interval of the mean over recordings. "
-            "The estimate from each recording has a normal error with standard deviation 1, and the recordings have "
-            "the given spread."
-        ),
+        "The table has the coverage of the 95 % interval of the mean over recordings. "
+        "The estimate from each recording has a normal error with standard deviation 1, and the recordings have "
+        "the given spread.",
         *legend(
             {
                 "without": "coverage of intervals that ignore the spread",

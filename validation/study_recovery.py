@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
+from validation.legend import table_lines
 
 NAME = "recovery"
 SEED = 20261122
@@ -53,20 +54,17 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
-        (
-            f"{result['recordings']} recordings of {result['samples']} samples at "
-            f"{result['rate']:g} Hz of each model are fitted with diagonal weighting, iterated "
-            "until the weights match the estimate. The estimates of random walks and small "
-            "decay rates have a skewed distribution, so their median and mean differ. The "
-            "table has the estimates divided by the true value."
-        ),
+        f"{result['recordings']} recordings of {result['samples']} samples at "
+        f"{result['rate']:g} Hz of each model are fitted with diagonal weighting, iterated "
+        "until the weights match the estimate. The estimates of random walks and small "
+        "decay rates have a skewed distribution, so their median and mean differ. The "
+        "table has the estimates divided by the true value.",
         "",
-        "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['parameter']} | {r['truth']:g} | {r['mean']:.4f} | {r['median']:.4f} | {r['spread']:.4f} "
-        f"| {r['bias_in_standard_errors']:+.1f} |"
-        for r in result["rows"]
+        *table_lines(
+            "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",
+            "| {model} | {parameter} | {truth:g} | {mean:.4f} | {median:.4f} | {spread:.4f} "
+            "| {bias_in_standard_errors:+.1f} |",
+            result["rows"],
+        ),
     ]
     return "\n".join(lines)

@@ -322,10 +322,8 @@ def _known(count: int, rng: np.random.Generator) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: coverage and size, and the departures."""
     lines = [
-        (
-            f"These series of {result['samples']} samples are simulated with NumPy alone, and "
-            "each is fitted with `gmwm.fit` and `against`. The temperature has no effect."
-        ),
+        f"These series of {result['samples']} samples are simulated with NumPy alone, and "
+        "each is fitted with `gmwm.fit` and `against`. The temperature has no effect.",
         *legend(
             {
                 "covered": "share of 95 % intervals of the slope that contain zero",
@@ -354,10 +352,8 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        (
-            f"These series have the noise WN + RW, a warm-up and a slope of {SLOPE:g} per °C. "
-            "In the row *wrong samples*, ten samples are wrong by 30 standard deviations of the white noise."
-        ),
+        f"These series have the noise WN + RW, a warm-up and a slope of {SLOPE:g} per °C. "
+        "In the row *wrong samples*, ten samples are wrong by 30 standard deviations of the white noise.",
         *legend(
             {
                 "accepted": "share of series whose temperature is known at enough scales",
@@ -378,11 +374,9 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        (
-            "The table shows by how much a reading error changes the slope, in per cent of "
-            "the slope, with its standard error. The noise is WN + RW. *Held*: each reading "
-            "is held for 100 samples."
-        ),
+        "The table shows by how much a reading error changes the slope, in per cent of "
+        "the slope, with its standard error. The noise is WN + RW. *Held*: each reading "
+        "is held for 100 samples.",
         "",
         "| reading | temperature | series | accepted | change of the slope |",
         "|---|---|---|---|---|",
@@ -396,10 +390,8 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        (
-            "`gmwm.inference.noise_against` tests series in which the standard deviation of "
-            "the white noise changes by 0 or 2 % per °C, over 10 °C."
-        ),
+        "`gmwm.inference.noise_against` tests series in which the standard deviation of "
+        "the white noise changes by 0 or 2 % per °C, over 10 °C.",
         *legend(
             {
                 "found": "share of joint tests with p < 5 %",
@@ -421,11 +413,9 @@ def table(result: dict[str, Any]) -> str:
             shares = ", ".join(f"{name} {share:.0%}" for name, share in row["covered"].items())
             lines += [
                 "",
-                (
-                    f"`gmwm.fit` with `varies` was applied to {row['series']} series at four rates. "
-                    f"Share of 95 % intervals that contain the true value: {shares}. The "
-                    f"goodness-of-fit test rejects {row['rejected']:.0%}. The test that nothing varies "
-                    f"rejects {row['false']:.0%} of the series in which nothing varies."
-                ),
+                f"`gmwm.fit` with `varies` was applied to {row['series']} series at four rates. "
+                f"Share of 95 % intervals that contain the true value: {shares}. The "
+                f"goodness-of-fit test rejects {row['rejected']:.0%}. The test that nothing varies "
+                f"rejects {row['false']:.0%} of the series in which nothing varies.",
             ]
     return "\n".join(lines)

@@ -286,10 +286,8 @@ _COLUMNS: Mapping[str, str] = {
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each kind."""
     lines = [
-        (
-            "The recordings (R of each kind) come from the simulators in `validation/sensors.py`, which draw a new "
-            "sensor for each recording and do not use gmwm. `gmwm.calibrate` runs with its defaults."
-        ),
+        "The recordings (R of each kind) come from the simulators in `validation/sensors.py`, which draw a new "
+        "sensor for each recording and do not use gmwm. `gmwm.calibrate` runs with its defaults.",
         *legend(
             {
                 "N / truth": (

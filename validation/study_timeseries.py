@@ -14,7 +14,7 @@ import gmwm
 from gmwm.fitting.estimation.simulated_curves import simulated_variances
 from gmwm.measuring.covariance import Design
 from validation import recordings
-from validation.legend import legend
+from validation.legend import legend, table_lines
 
 NAME = "timeseries"
 SEED = 20261129
@@ -64,12 +64,10 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     covered = [row["covered"] for row in result["rows"]]
     lines = [
-        (
-            f"{result['recordings']} recordings of {result['samples']} samples at "
-            f"{result['rate']:g} Hz are simulated from each model and fitted without starting "
-            "values. The 95 % intervals are asymptotic, and their coverage is "
-            f"{min(covered):.1%} to {max(covered):.1%}."
-        ),
+        f"{result['recordings']} recordings of {result['samples']} samples at "
+        f"{result['rate']:g} Hz are simulated from each model and fitted without starting "
+        "values. The 95 % intervals are asymptotic, and their coverage is "
+        f"{min(covered):.1%} to {max(covered):.1%}.",
         *legend(
             {
                 "covered": (f"share of intervals that contain the true value, with a standard error of {noise:.1f} %"),
@@ -78,13 +76,12 @@ def table(result: dict[str, Any]) -> str:
             }
         ),
         "",
-        "| model | weights | parameter | truth | covered | low | high | median | spread | standard error | rejected |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['weighting']} | {r['parameter']} | {r['truth']:g} | {r['covered']:.1%} "
-        f"| {r['below']:.1%} | {r['above']:.1%} | {r['median']:.4f} | {r['spread']:.4f} | {r['standard_error']:.4f} "
-        f"| {r['rejected']:.1%} |"
-        for r in result["rows"]
+        *table_lines(
+            "| model | weights | parameter | truth | covered | low | high | median | spread | standard error "
+            "| rejected |",
+            "| {model} | {weighting} | {parameter} | {truth:g} | {covered:.1%} | {below:.1%} | {above:.1%} "
+            "| {median:.4f} | {spread:.4f} | {standard_error:.4f} | {rejected:.1%} |",
+            result["rows"],
+        ),
     ]
     return "\n".join(lines)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import gmwm
 from gmwm.recording.signals import Imu, Signal
-from validation.legend import legend
+from validation.legend import legend, table_lines
 
 NAME = "trends"
 SEED = 20261206
@@ -133,26 +133,20 @@ def table(result: dict[str, Any]) -> str:
     nulls = [row for row in result["rows"] if not row["size"]]
     power = [row for row in result["rows"] if row["size"]]
     lines = [
-        (
-            f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz are "
-            "inspected with `gmwm.inspect`. *Found* is the share of recordings with a remark "
-            "on a trend (`warm-up`, `trend` or `linear-trend`)."
-        ),
+        f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz are "
+        "inspected with `gmwm.inspect`. *Found* is the share of recordings with a remark "
+        "on a trend (`warm-up`, `trend` or `linear-trend`).",
         "",
         (f"The first table is for noise without a trend. The largest share is {result['false']:.1%}."),
         "",
-        "| noise | K (deg/h/√h) | recordings | found | `warm-up` |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['noise']} | {r['walk']:g} | {r['recordings']} | {r['found']:.1%} | {r['warm_up']:.1%} |" for r in nulls
-    ]
-    lines += [
-        "",
-        (
-            "The second table is for noise with a warm-up a·e^(−t/τ). The medians and the "
-            "coverage include the recordings with the remark `warm-up`."
+        *table_lines(
+            "| noise | K (deg/h/√h) | recordings | found | `warm-up` |",
+            "| {noise} | {walk:g} | {recordings} | {found:.1%} | {warm_up:.1%} |",
+            nulls,
         ),
+        "",
+        "The second table is for noise with a warm-up a·e^(−t/τ). The medians and the "
+        "coverage include the recordings with the remark `warm-up`.",
         *legend(
             {
                 "K with": "K fitted to the means without a term for the warm-up",

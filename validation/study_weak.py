@@ -101,10 +101,8 @@ def relative_error(text: str, name: str, weighting: str) -> float | None:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each value of each model and weighting."""
     lines = [
-        (
-            f"{result['recordings']} recordings of {result['samples']} samples at "
-            f"{result['rate']:g} Hz are simulated for each true value."
-        ),
+        f"{result['recordings']} recordings of {result['samples']} samples at "
+        f"{result['rate']:g} Hz are simulated for each true value.",
         *legend(
             {
                 "relative error": "theoretical standard error of γ² or ω², divided by its value",

@@ -16,6 +16,7 @@ import gmwm
 from gmwm.fitting.estimation.asymptotic import relative_jacobian
 from gmwm.fitting.estimation.weighting import precision
 from gmwm.measuring.covariance import as_design, covariance
+from validation.legend import table_lines
 
 NAME = "weighting"
 SEED = 20261127
@@ -186,19 +187,15 @@ def _disturbances(levels: NDArray[np.int64]) -> Vector:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each case and parameter; one for each parameter of each model of theory."""
     lines = [
-        (
-            f"This study compares three weightings. It uses {result['recordings']} recordings "
-            f"at {result['rate']:g} Hz of {result['model']}, without and with a disturbance "
-            "that GM + WN + RW does not include:"
-        ),
+        f"This study compares three weightings. It uses {result['recordings']} recordings "
+        f"at {result['rate']:g} Hz of {result['model']}, without and with a disturbance "
+        "that GM + WN + RW does not include:",
         "",
         *(f"- {case}: {record.__doc__}" for case, (record, _) in CASES.items() if record is not right),
         "",
-        (
-            "The table has the estimate divided by the true value, as median and root mean "
-            "square error, and the coverage of the 95 % interval (for identity weights, from "
-            f"one recording in {RARELY})."
-        ),
+        "The table has the estimate divided by the true value, as median and root mean "
+        "square error, and the coverage of the 95 % interval (for identity weights, from "
+        f"one recording in {RARELY}).",
         "",
         "| case | samples | parameter | diagonal: median | error | covered | optimal: median | error | covered "
         "| identity: median | error | covered |",
@@ -209,27 +206,23 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {r['case']} | {r['samples']} | {r['parameter']} | {' | '.join(cells)} |")
     lines += [
         "",
-        (
-            f"The next table comes from theory, for {SAMPLES} samples. For the correct model, "
-            "it gives the relative standard error with optimal weights, and the ratio of the "
-            "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
-            "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
-            "process with β from 0.01 to 100, rounding), with the size that the best test for "
-            "it would detect at three standard deviations. The table then gives the root mean square error over all "
-            "disturbances, which combines bias and standard deviation, divided by the standard error with optimal "
-            "weights, and the share of disturbances for which "
-            "diagonal weights have the smaller error."
-        ),
+        f"The next table comes from theory, for {SAMPLES} samples. For the correct model, "
+        "it gives the relative standard error with optimal weights, and the ratio of the "
+        "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
+        "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
+        "process with β from 0.01 to 100, rounding), with the size that the best test for "
+        "it would detect at three standard deviations. The table then gives the root mean square error over all "
+        "disturbances, which combines bias and standard deviation, divided by the standard error with optimal "
+        "weights, and the share of disturbances for which "
+        "diagonal weights have the smaller error.",
         "",
-        "| model | parameter | optimal | diagonal | identity "
-        "| wrong: optimal | diagonal | identity | diagonal is better |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['model']} | {r['parameter']} | {r['optimal']:.4f} | {r['diagonal']:.3f} × | {r['identity']:.2f} × "
-        f"| {r['optimal_disturbed']:.2f} | {r['diagonal_disturbed']:.2f} | {r['identity_disturbed']:.2f} "
-        f"| {r['diagonal_better']:.0%} |"
-        for r in result["theory"]
+        *table_lines(
+            "| model | parameter | optimal | diagonal | identity | wrong: optimal | diagonal | identity "
+            "| diagonal is better |",
+            "| {model} | {parameter} | {optimal:.4f} | {diagonal:.3f} × | {identity:.2f} × | {optimal_disturbed:.2f} "
+            "| {diagonal_disturbed:.2f} | {identity_disturbed:.2f} | {diagonal_better:.0%} |",
+            result["theory"],
+        ),
     ]
     return "\n".join([*lines, "", _words(result)])
 
