@@ -23,6 +23,13 @@ class Outcome:
 
         return json.loads(self.out, parse_constant=refuse)
 
+    def require_refusal(self, *facts):
+        """Nothing on stdout, and after warnings one line with an error that states the facts."""
+        assert (self.code, self.out) == (2, "")
+        (line,) = (line for line in self.err.splitlines() if not line.startswith("warning: "))
+        assert line.startswith("error: ")
+        assert all(str(fact) in line for fact in facts), (facts, line)
+
 
 @pytest.fixture(scope="session")
 def gmwm():

@@ -80,7 +80,4 @@ def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
     ],
 )
 def test_options_that_contradict_each_other(gmwm, file, arguments, facts):
-    found = gmwm(arguments[0], file, *arguments[1:])
-    assert found.code == 2
-    assert found.err.startswith("error: ")
-    assert all(fact in found.err for fact in facts), found.err
+    gmwm(arguments[0], file, *arguments[1:]).require_refusal(*facts)

@@ -239,9 +239,9 @@ def test_every_command_names_its_options_and_arguments_in_errors():
     ],
 )
 def test_an_error_about_a_path_names_the_argument_that_has_it(gmwm, recording, tmp_path, arguments, option):
-    done = gmwm(*(text.format(file=recording, folder=tmp_path) for text in arguments))
-    assert done.code == 2
-    assert done.err.startswith(f"error: {option} must be "), done.err
+    gmwm(*(text.format(file=recording, folder=tmp_path) for text in arguments)).require_refusal(
+        f"error: {option} must be "
+    )
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")

@@ -81,11 +81,7 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
         ((gyro,), "kalibr"),
         ((tmp_path / "none.json",), "none.json does not exist"),
     ):
-        outcome = gmwm("export", *arguments)
-        assert outcome.code == 2
-        assert outcome.out == ""
-        assert outcome.err.count("\n") == 1
-        assert said in outcome.err
+        gmwm("export", *arguments).require_refusal(said)
     outcome = gmwm("export", gyro, "--all", tmp_path / "some")
     assert outcome.code == 0
     assert outcome.err.count("\n") == 1

@@ -134,10 +134,7 @@ def test_errors_about_an_argument_name_its_option():
 )
 def test_options_of_reading_are_refused_before_the_file_is_opened(gmwm, tmp_path, arguments, got):
     file = tmp_path / "no such file.csv" if "--format" not in arguments else __file__
-    done = gmwm("info", file, *arguments)
-    assert done.code == 2
-    assert done.err.startswith(f"error: {arguments[0]} must be ")
-    assert f"; got {got}" in done.err
+    gmwm("info", file, *arguments).require_refusal(f"error: {arguments[0]} must be ", f"; got {got}")
 
 
 @pytest.mark.parametrize("command", [("calibrate",), ("select",), ("fit", "--model", "WN"), ("track", "--model", "WN")])

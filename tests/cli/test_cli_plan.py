@@ -171,11 +171,7 @@ def test_an_accuracy_in_per_cent(gmwm):
     ],
 )
 def test_what_is_refused(gmwm, fits, arguments, facts):
-    outcome = gmwm("plan", *(fits if word == "FITS" else word for word in arguments))
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert outcome.err.startswith("error: ")
-    assert all(fact in outcome.err for fact in facts), outcome.err
+    gmwm("plan", *(fits if word == "FITS" else word for word in arguments)).require_refusal(*facts)
 
 
 @pytest.mark.parametrize("name", ["filter", "transform", "unit", "axis", "recordings", "excess"])
@@ -198,9 +194,7 @@ def test_files_that_hold_no_fits(gmwm, tmp_path):
     }.items():
         path = tmp_path / name
         path.write_text(text, encoding="utf-8")
-        outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
-        assert outcome.code == 2
-        assert outcome.err.startswith(f"error: {path} ")
+        gmwm("plan", "--from-fits", path, "--duration", "1h").require_refusal(f"error: {path} ")
     assert gmwm("plan", "--from-fits", tmp_path / "none.json", "--duration", "1h").code == 2
 
 
