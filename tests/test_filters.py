@@ -1,10 +1,8 @@
 """Laws that every wavelet filter obeys; a new table is under them by being there."""
 
-import runpy
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +10,10 @@ import pytest
 from gmwm.base.errors import MissingDependencyError, OptionError
 from gmwm.theory.filters import FILTERS, HAAR, WaveletFilter, find_filter, project
 from tests.helpers import each, raises
+from tests.oracles import filters as oracle
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
-oracle = SimpleNamespace(**runpy.run_path(str(ROOT / "tests" / "oracles" / "filters.py")))
 pywt = pytest.importorskip("pywt")
 FOREIGN = ("db1", "db9", "db20", "db38", "sym5", "sym20", "coif2", "coif17")
 every_filter = pytest.mark.parametrize("name", FILTERS)

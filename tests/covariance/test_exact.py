@@ -1,7 +1,5 @@
 """The exact covariance of the wavelet variance, against its definition in 40 digits and against simulation."""
 
-import importlib.util
-from pathlib import Path
 from types import SimpleNamespace
 
 import mpmath as mp
@@ -13,12 +11,7 @@ from gmwm import AR1, DR, FN, GM, QN, RW, WN
 from gmwm.measuring.covariance import nodes, wavelet_covariance
 from gmwm.measuring.covariance.design import Design
 from tests.helpers import each, raises
-
-_spec = importlib.util.spec_from_file_location(
-    "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
-)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracles import covariance as oracle
 
 RATE = 100.0
 

@@ -14,6 +14,7 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import Parameter, Process
 from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Value
+from tests.covariance.filter_rows import rows
 from tests.helpers import each
 
 RATE = 100.0
@@ -33,20 +34,6 @@ def design(filter, transform="modwt", samples=130, efficiency=None, levels=None)
     found = find_filter(filter)
     levels = np.arange(1, deepest_level(samples, found, transform) + 1) if levels is None else levels
     return Design(levels, samples, RATE, found, transform, efficiency)
-
-
-def rows(at):
-    """For each level the filter at every place where it fits: (M, N)."""
-    result = []
-    for j in at.levels.tolist():
-        taps = at.filter.level_filter(j)[::-1]
-        step = 1 << j if at.transform == "dwt" else 1
-        ends = [t for t in range(taps.size - 1, at.samples) if (t + 1) % step == 0]
-        matrix = np.zeros((len(ends), at.samples))
-        for row, t in zip(matrix, ends, strict=True):
-            row[t - taps.size + 1 : t + 1] = taps
-        result.append(matrix)
-    return result
 
 
 def signal_covariance(model, samples):

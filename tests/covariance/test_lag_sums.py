@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import mpmath
 import numpy as np
 import pytest
@@ -17,11 +13,7 @@ from gmwm.theory.processes import self_similar
 from gmwm.theory.processes.exponential_sum import ExponentialSum, lag_sums, lag_table
 from gmwm.theory.processes.model import as_model
 from tests.helpers import each
-
-_spec = importlib.util.spec_from_file_location("lag_sums_oracle", Path(__file__).parent.parent / "oracles/lag_sums.py")
-oracle = importlib.util.module_from_spec(_spec)
-sys.modules[_spec.name] = oracle
-_spec.loader.exec_module(oracle)
+from tests.oracles import lag_sums as oracle
 
 RATE = 10.0
 

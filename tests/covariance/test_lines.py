@@ -14,6 +14,7 @@ from gmwm.measuring.variance.transform import deepest_level
 from gmwm.measuring.variance.transform import variances as measured
 from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import MAT, SIN, Model
+from tests.covariance.filter_rows import rows
 from tests.helpers import each, raises
 
 RATE = 100.0
@@ -24,19 +25,6 @@ def design(samples, filter="haar", transform="modwt", efficiency=None):
     return Design(
         np.arange(1, deepest_level(samples, found, transform) + 1), samples, RATE, found, transform, efficiency
     )
-
-
-def rows(at):
-    """For each level the filter at every place where it fits: (M, N)."""
-    result = []
-    for j in at.levels.tolist():
-        taps, step = at.filter.level_filter(j)[::-1], 1 << j if at.transform == "dwt" else 1
-        ends = [t for t in range(taps.size - 1, at.samples) if (t + 1) % step == 0]
-        matrix = np.zeros((len(ends), at.samples))
-        for row, t in zip(matrix, ends, strict=True):
-            row[t - taps.size + 1 : t + 1] = taps
-        result.append(matrix)
-    return result
 
 
 def added(model, at):

@@ -1,8 +1,6 @@
 """The covariance under processes with short memory against sums over all lags and against the definition."""
 
-import importlib.util
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +14,7 @@ from gmwm.theory.processes.model import as_model
 from gmwm.theory.processes.parameter import Parameter, Value
 from tests.covariance.test_sums import double_sum
 from tests.helpers import each
-
-_spec = importlib.util.spec_from_file_location(
-    "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
-)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracles import covariance as oracle
 
 RATE = 10.0
 PROCESSES = {

@@ -1,8 +1,5 @@
 """The covariance of Haar wavelet variances against double sums over all lags; robust, uniform errors, the diagonal."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,12 +10,7 @@ from gmwm.measuring.covariance.robust import hermite_weights
 from gmwm.measuring.variance.biweight import biweight
 from gmwm.theory.processes.model import as_model
 from tests.helpers import raises
-
-_spec = importlib.util.spec_from_file_location(
-    "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
-)
-oracle = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(oracle)
+from tests.oracles import covariance as oracle
 
 RATE = 10.0
 MIXTURE = GM(0.3, 1.0) + GM(0.01, 2.0) + WN(4.0) + RW(1e-5) + QN(2.0) + DR(1e-3)

@@ -1,11 +1,8 @@
 """Laws of every process under every wavelet filter."""
 
 import math
-import runpy
 from functools import cache
 from itertools import islice
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +12,8 @@ from gmwm.measuring.variance.transform import variances
 from gmwm.theory.filters import FILTERS, HAAR, find_filter
 from gmwm.theory.processes import AR1, DR, GM, RW, WN, Process, every_class
 from tests.helpers import each, raises
+from tests.oracles import filters as oracle
 
-oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "filters.py")))
 RATE = 250.0
 CLASSES = every_class()
 every_filter = each("name", FILTERS)

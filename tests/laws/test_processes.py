@@ -3,10 +3,8 @@
 import ast
 import inspect
 import math
-import runpy
 from dataclasses import fields
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,9 +16,8 @@ from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.theory.processes import Process, every_class, ordered_classes, registry
 from gmwm.theory.processes.exponential_sum import lag_sums
 from tests.helpers import each, raises
+from tests.oracles import processes as oracle
 
-TESTS = Path(__file__).parents[1]
-oracle = SimpleNamespace(**runpy.run_path(str(TESTS / "oracles" / "processes.py")))
 fixed_profile = settings(derandomize=True, deadline=None, max_examples=25, database=None)
 
 CLASSES = every_class()

@@ -1,9 +1,5 @@
 """The log-likelihood against whole covariance matrices, fifty digits and statsmodels; what it must not depend on."""
 
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
-
 import mpmath as mp
 import numpy as np
 import pytest
@@ -17,10 +13,9 @@ from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import assemble, require_state
 from gmwm.theory.processes import every_class
 from tests.helpers import each, raises
+from tests.oracles import gaussian as oracle
 from validation.likelihood import concentrated
 
-ORACLES = Path(__file__).parents[1] / "oracles"
-oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "gaussian.py")))
 RATE = 100.0
 
 STATIONARY = (

@@ -1,9 +1,5 @@
 """Slopes of the log-likelihood against its own differences; the information against what the slopes scatter by."""
 
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -11,9 +7,9 @@ from gmwm import Model
 from gmwm.fitting.likelihood.problem import LikelihoodProblem, as_record
 from gmwm.fitting.likelihood.system import DIFFERENCE_STEP, assemble, slopes
 from tests.helpers import each
+from tests.oracles import gaussian as oracle
 from validation.likelihood import fisher_errors
 
-oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "gaussian.py")))
 RATE = 100.0
 MODELS = (
     "WN(sigma2=2.0)",

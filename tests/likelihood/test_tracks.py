@@ -1,7 +1,5 @@
 """Hidden processes against conditional means and variances from whole covariance matrices, and a smoother in NumPy."""
 
-import runpy
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +10,8 @@ from gmwm.base.errors import ModelError, OptionError
 from gmwm.fitting.likelihood.system import assemble
 from gmwm.recording.signals import Signal
 from tests.helpers import each, raises
+from tests.oracles import gaussian as oracle
 
-ORACLES = Path(__file__).parents[1] / "oracles"
-oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "gaussian.py")))
 RATE = 100.0
 SAMPLES = 60
 # A model, and the terms whose sum is the bias: all that stay over more than a sample, but no line. A drift is held.

@@ -6,15 +6,13 @@ number at lags up to L and by its exact form beyond, and what cancels is paid fo
 
 from __future__ import annotations
 
-import runpy
 import warnings
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import mpmath as mp
 
-exponentials = runpy.run_path(str(Path(__file__).with_name("arma.py")))["exponentials"]
+from tests.oracles.arma import exponentials, multiplied
 
 DIGITS = 100
 
@@ -60,19 +58,11 @@ def extremal_phase(moments: int) -> list[mp.mpf]:
         for y in roots:
             b = 1 - 2 * y
             pair = [b + mp.sqrt(b * b - 1), b - mp.sqrt(b * b - 1)]
-            taps = _times(taps, [1, -min(pair, key=abs)])
+            taps = multiplied(taps, [1, -min(pair, key=abs)])
         for _ in range(p):
-            taps = _times(taps, [mp.mpf(1), mp.mpf(1)])
+            taps = multiplied(taps, [mp.mpf(1), mp.mpf(1)])
         taps = [mp.re(v) for v in taps]
         return [v * mp.sqrt(2) / sum(taps) for v in taps]
-
-
-def _times(a: list[mp.mpf], b: list[mp.mpf]) -> list[mp.mpf]:
-    out = [mp.mpf(0)] * (len(a) + len(b) - 1)
-    for i, x in enumerate(a):
-        for j, y in enumerate(b):
-            out[i + j] += x * y
-    return out
 
 
 def _autocorrelation(filter_: list[mp.mpf]) -> list[mp.mpf]:

@@ -9,6 +9,8 @@ from typing import Any
 
 import mpmath
 
+from tests.oracles.arma import multiplied
+
 DIGITS = 60
 
 
@@ -127,8 +129,8 @@ def _closed_pair(
         # Powers z^i and z^(n-1-i) are powers of z and 1/z.
         bases = [*poles, *(1 / z for z in poles)]
         sizes_of = [*ahead, *(f * z ** (n - 1) for f, z in zip(behind, poles, strict=True))]
-        counted = _times(polynomial, [mpmath.mpf(count[0]), step])
-        total += _power_sums(_times(counted, polynomial), mpmath.mpf(1), n)
+        counted = multiplied(polynomial, [mpmath.mpf(count[0]), step])
+        total += _power_sums(multiplied(counted, polynomial), mpmath.mpf(1), n)
         for k, z in enumerate(bases):
             if sizes_of[k] == 0:
                 continue
@@ -137,14 +139,6 @@ def _closed_pair(
                 size = sizes_of[k] * sizes_of[other] * (1 if other == k else 2)
                 total += mpmath.re(size * _power_sums([mpmath.mpf(count[0]), step], z * bases[other], n))
     return total
-
-
-def _times(one: list[Any], other: list[Any]) -> list[Any]:
-    out = [mpmath.mpf(0)] * (len(one) + len(other) - 1)
-    for r, a in enumerate(one):
-        for s, b in enumerate(other):
-            out[r + s] += a * b
-    return out
 
 
 def _power_sums(polynomial: list[Any], z: Any, n: int) -> Any:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import runpy
 from collections.abc import Callable
-from pathlib import Path
 
 import mpmath as mp
 
-exponentials = runpy.run_path(str(Path(__file__).with_name("arma.py")))["exponentials"]
+from tests.oracles.arma import exponentials
 
 DIGITS = 160  # enough that λ = 1e-12 at level 30 keeps fifty digits after all cancellation
 

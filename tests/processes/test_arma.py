@@ -3,10 +3,7 @@
 import copy
 import math
 import pickle
-import runpy
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -19,10 +16,9 @@ from gmwm.theory.filters import find_filter
 from gmwm.theory.processes import every_class, ordered_classes, rational, registry
 from gmwm.theory.processes.linear_recursion import CANCELLING
 from tests.helpers import codes, each, raises
+from tests.oracles import filters as filter_oracle
+from tests.oracles import processes as oracle
 
-ORACLES = Path(__file__).parents[1] / "oracles"
-oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "processes.py")))
-filter_oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "filters.py")))
 LEVELS = [1, 2, 3, 5, 8, 12, 17, 23, 30]
 
 

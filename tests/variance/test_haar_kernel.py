@@ -2,12 +2,10 @@
 
 import gc
 import json
-import runpy
 import threading
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gmwm.base import _core
+from tests.oracles import haar as oracle
 
 ROOT = Path(__file__).resolve().parents[2]
-oracle = SimpleNamespace(**runpy.run_path(str(ROOT / "tests" / "oracles" / "haar.py")))
 SHARED = ROOT.parent / "shared"
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=40)

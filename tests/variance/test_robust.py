@@ -1,9 +1,6 @@
 """The robust wavelet variance: laws, then its slow twin, then what is promised where there is no root."""
 
 import math
-import runpy
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,10 +14,8 @@ from gmwm.measuring.variance.biweight import biweight
 from gmwm.measuring.variance.coefficients import HaarCoefficients, PlainCoefficients
 from gmwm.measuring.variance.robust import SAMPLED_COEFFICIENTS, robust_variance, robust_variances
 from tests.helpers import each, only, raises
-
-ORACLES = Path(__file__).resolve().parents[1] / "oracles"
-twin = SimpleNamespace(**runpy.run_path(str(ORACLES / "robust.py")))
-haar = SimpleNamespace(**runpy.run_path(str(ORACLES / "haar.py")))
+from tests.oracles import haar
+from tests.oracles import robust as twin
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)
 seeds = st.integers(0, 2**31)
