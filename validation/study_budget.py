@@ -247,14 +247,12 @@ def _coverage(fits: int) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the ratios of budget and integration."""
     lines = [
-        "The error budget is compared with strapdown integrations of simulated sensors, "
-        "written in plain NumPy apart from the package: quaternions, a rotating spherical "
-        "Earth at 45° latitude, transport rate and Coriolis terms. The table has the "
-        f"error of the budget divided by the root mean square error of {result['runs']} "
-        f"integrations ({result['flicker_runs']} with flicker noise) at {RATE:g} Hz. The "
-        f"standard error of a ratio is {_percent(result, min)} to {_percent(result, max)} "
-        "%. It is largest for heading and height, which have one value in each run. The "
-        "budget has no height after 100 s.",
+        "The error budget is compared with strapdown integrations of simulated sensors, written in plain NumPy apart "
+        "from the package: quaternions, a rotating spherical Earth at 45° latitude, transport rate and Coriolis "
+        f"terms. The table has the error of the budget divided by the root mean square error of {result['runs']} "
+        f"integrations ({result['flicker_runs']} with flicker noise) at {RATE:g} Hz. The standard error of a ratio is "
+        f"{_percent(result, min)} to {_percent(result, max)} %. It is largest for heading and height, which have one "
+        "value in each run. The budget has no height after 100 s.",
         "",
         "| model | after | tilt | heading | velocity | position | height |",
         "|---|---|---|---|---|---|---|",

@@ -95,9 +95,8 @@ def table(result: dict[str, Any]) -> str:
         if limit:
             lines += [
                 "",
-                "A jitter of a fifth of the sampling interval, or jitter together with rounding, "
-                "hides some losses: two neighbouring losses are found as one gap, or one gap is "
-                "found as two.",
+                "A jitter of a fifth of the sampling interval, or jitter together with rounding, hides some losses: "
+                "two neighbouring losses are found as one gap, or one gap is found as two.",
                 "",
                 *header,
             ]

@@ -111,13 +111,11 @@ def _ratios(
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each estimator, kind of outliers and parameter."""
     lines = [
-        f"{result['spoilt']} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated from {result['model']}. Outliers of fifty "
-        "standard deviations of the white noise are added to 1 % of the samples. An "
-        "estimate is *recovered* if it is within the central 95 % of the estimates of the "
-        f"same estimator from {result['clean']} clean recordings. A single spike affects "
-        "2^j coefficients of level j, so an estimator that works level by level cannot "
-        "recover.",
+        f"{result['spoilt']} recordings of {result['samples']} samples at {result['rate']:g} Hz are simulated from "
+        f"{result['model']}. Outliers of fifty standard deviations of the white noise are added to 1 % of the "
+        "samples. An estimate is *recovered* if it is within the central 95 % of the estimates of the same estimator "
+        f"from {result['clean']} clean recordings. A single spike affects 2^j coefficients of level j, so an "
+        "estimator that works level by level cannot recover.",
         "",
         *table_lines(
             "| estimator | outliers | parameter | clean: estimate / truth | with outliers: median | recovered "

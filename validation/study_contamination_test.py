@@ -118,10 +118,9 @@ def _spoilt(kind: str, deviations: float, seed: tuple[int, ...]) -> Array:
 def table(result: dict[str, Any]) -> str:
     """Markdown: false alarms of each model, rounding and length; then what is found."""
     lines = [
-        f"Devices with {result['axes']} axes at {RATE:g} Hz are tested at the {100 * LEVEL:g} "
-        "% level per device. Either the rate or the angle is rounded. The test uses only "
-        "the two curves; from a signal, `contamination` also requires bursts or isolated "
-        "wrong samples ([study](tails.md)).",
+        f"Devices with {result['axes']} axes at {RATE:g} Hz are tested at the {100 * LEVEL:g} % level per device. "
+        "Either the rate or the angle is rounded. The test uses only the two curves; from a signal, `contamination` "
+        "also requires bursts or isolated wrong samples ([study](tails.md)).",
         *legend(
             {
                 "step": "quantization step in standard deviations of the high-frequency noise",
@@ -151,10 +150,9 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| all | {samples} | | | {count} | {100 * units:.1f} % | {100 * axes:.1f} % | |")
     lines += [
         "",
-        f"Recordings of {result['samples']} samples are simulated from {result['model']}. "
-        "In each, 1 % of the samples are outliers of the given size in standard "
-        "deviations of the white noise. Each recording stands for one of the six axes "
-        "of a unit.",
+        f"Recordings of {result['samples']} samples are simulated from {result['model']}. In each, 1 % of the samples "
+        "are outliers of the given size in standard deviations of the white noise. Each recording stands for one of "
+        "the six axes of a unit.",
         *legend(
             {
                 "found": "share of the recordings that are classified as contaminated",

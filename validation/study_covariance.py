@@ -82,13 +82,11 @@ def _scatter(nu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each level of each model, one for all covariances between its levels."""
     lines = [
-        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are "
-        "simulated. The table has the ratio of the simulated to the exact variance of the "
-        "wavelet variance at each level, and its deviation from 1 in Monte Carlo standard "
-        "errors. Rounding errors are uniform. The exact variance of the classical "
-        "estimate accounts for this; the variance of the robust estimate (efficiency 0.6) "
-        "does not. The robust variance is asymptotic: it is too small at levels with few "
-        "uncorrelated coefficients.",
+        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz are simulated. The table has the ratio "
+        "of the simulated to the exact variance of the wavelet variance at each level, and its deviation from 1 in "
+        "Monte Carlo standard errors. Rounding errors are uniform. The exact variance of the classical estimate "
+        "accounts for this; the variance of the robust estimate (efficiency 0.6) does not. The robust variance is "
+        "asymptotic: it is too small at levels with few uncorrelated coefficients.",
         "",
         *table_lines(
             "| model | estimator | level | exact variance | simulated / exact | deviation in standard errors |",

@@ -54,9 +54,8 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     worst = min(r["covered"] for r in result["rows"]), max(r["covered"] for r in result["rows"])
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated from each model and fitted with both "
-        "weightings. The 95 % intervals are asymptotic, and their coverage is "
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz are simulated "
+        "from each model and fitted with both weightings. The 95 % intervals are asymptotic, and their coverage is "
         f"{worst[0]:.1%} to {worst[1]:.1%}.",
         *legend(
             {

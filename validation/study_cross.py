@@ -135,10 +135,9 @@ def _true(common: Make, own: Make, rho: float, n: int) -> Array:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the two tables."""
     lines = [
-        "Three signals of 10 000 or 100 000 samples are simulated in plain NumPy and "
-        "passed to `gmwm.cross` with its defaults: the covariance of each signal is "
-        "estimated from the signal itself. *False* is the share of recordings of "
-        "independent signals in which the test at the 5 % level finds shared noise.",
+        "Three signals of 10 000 or 100 000 samples are simulated in plain NumPy and passed to `gmwm.cross` with its "
+        "defaults: the covariance of each signal is estimated from the signal itself. *False* is the share of "
+        "recordings of independent signals in which the test at the 5 % level finds shared noise.",
         "",
         "| noise of each axis | samples | estimate | recordings | false |",
         "|---|---|---|---|---|",

@@ -126,13 +126,11 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: errors and ratios of each parameter; the ratios of theory."""
     models = "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
     lines = [
-        "This study compares the errors of the wavelet moments with the errors of maximum "
-        f"likelihood. It uses {result['recordings']} recordings of {result['samples']} "
-        f"samples at {result['rate']:g} Hz of each model: {models}. "
-        "The table has root mean square errors relative to the true value, their ratios "
-        "to the errors of maximum likelihood on the same recordings with the standard "
-        "error of the ratio, and then the ratios of the errors of the logarithm. The "
-        "bound is the Cramér-Rao bound for a long recording.",
+        "This study compares the errors of the wavelet moments with the errors of maximum likelihood. It uses "
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model: "
+        f"{models}. The table has root mean square errors relative to the true value, their ratios to the errors of "
+        "maximum likelihood on the same recordings with the standard error of the ratio, and then the ratios of the "
+        "errors of the logarithm. The bound is the Cramér-Rao bound for a long recording.",
         "",
         *table_lines(
             "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
@@ -146,8 +144,7 @@ def table(result: dict[str, Any]) -> str:
         "",
         "The next table comes from theory, without simulation. It has the standard error "
         'divided by the Cramér-Rao bound. "No ends" is the limit of a long recording, in which every '
-        "level has as many coefficients as there are samples; the other rows use the "
-        "exact covariance.",
+        "level has as many coefficients as there are samples; the other rows use the exact covariance.",
         "",
         *table_lines(
             "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
@@ -173,8 +170,7 @@ _WORDS = (
     "information. The loss occurs at the ends of the recording: level j has only N − 2^j + 1 coefficients, and there "
     "are no levels beyond the last one. The loss is larger for fewer correlation times in the recording: 1 % at a "
     "thousand, 6 % at a hundred, and more than 10 % below about fifty, where the standard error of β is at least a "
-    "quarter of its value. Longer "
-    "filters have fewer coefficients and fewer levels, and lose more: for a Gauss-Markov process in white noise d4 "
-    "and la8 are no better. Diagonal weights ignore the correlation of neighbouring levels. They cost most if the "
-    "white noise is visible in the first one or two levels only."
+    "quarter of its value. Longer filters have fewer coefficients and fewer levels, and lose more: for a Gauss-Markov "
+    "process in white noise d4 and la8 are no better. Diagonal weights ignore the correlation of neighbouring levels. "
+    "They cost most if the white noise is visible in the first one or two levels only."
 )

@@ -247,10 +247,9 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"With N and K, the error exceeds the smallest one by more than 5 % for {_list(exceptions)}. The stated error "
-        "is "
-        f"outside 0.8 to 1.3 of the real error for {_list(outside)}. The columns *with σ and T* are for a filter whose "
-        "bias is a Gauss-Markov process, with the N, σ and T of the files for such programs. It forgets its bias, so "
-        "that it predicts a noise whose correlation time is shorter than the prediction.",
+        f"is outside 0.8 to 1.3 of the real error for {_list(outside)}. The columns *with σ and T* are for a filter "
+        "whose bias is a Gauss-Markov process, with the N, σ and T of the files for such programs. It forgets its "
+        "bias, so that it predicts a noise whose correlation time is shorter than the prediction.",
         "",
         f"The 95 % intervals of N and K contain the numbers of the true model in these shares of {FITS} recordings of "
         f"{FIT_HOURS:g} h:",

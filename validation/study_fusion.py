@@ -113,13 +113,11 @@ def _row(count: int, horizon: int, found: Sequence[Any]) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: a line for each horizon."""
     lines = [
-        f"Recordings of {SAMPLES} samples at 1 Hz are simulated in plain NumPy. The units "
-        "have white noise of variance 1, 1, 2, 4 and random walks. 10 % of the variance "
-        "of the random walks is independent, and the rest is common to all units, with "
-        "loadings 1, −0.8, 0.9, −0.6. `gmwm.fuse` estimates the weights from one "
-        "recording and predicts the variance. The *achieved* variance is the exact "
-        "wavelet variance of these weights in any other recording. The table has means "
-        "over the recordings.",
+        f"Recordings of {SAMPLES} samples at 1 Hz are simulated in plain NumPy. The units have white noise of "
+        "variance 1, 1, 2, 4 and random walks. 10 % of the variance of the random walks is independent, and the rest "
+        "is common to all units, with loadings 1, −0.8, 0.9, −0.6. `gmwm.fuse` estimates the weights from one "
+        "recording and predicts the variance. The *achieved* variance is the exact wavelet variance of these weights "
+        "in any other recording. The table has means over the recordings.",
         "",
         "| units | horizon (s) | recordings | achieved / predicted, at the horizon | at all scales | without "
         "correction, at the horizon | achieved / best possible | achieved / average |",
@@ -134,10 +132,9 @@ def table(result: dict[str, Any]) -> str:
         )
     lines += [
         "",
-        "The next table is for a Kalman filter on differences: `gmwm.fuse` without a "
-        "horizon, with the model WN + shared(RW). The filter comes from one recording and "
-        "is applied to a second one, in which the variance is measured. The *best static "
-        "weights* are the weights for each scale from the true covariance matrices.",
+        "The next table is for a Kalman filter on differences: `gmwm.fuse` without a horizon, with the model WN + "
+        "shared(RW). The filter comes from one recording and is applied to a second one, in which the variance is "
+        "measured. The *best static weights* are the weights for each scale from the true covariance matrices.",
         "",
         "| units | samples | recordings | scale (s) | achieved / predicted | without correction | achieved / average | "
         "achieved / best static weights |",

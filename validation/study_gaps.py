@@ -161,10 +161,9 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     models = "; ".join(result["models"].values())
     lines = [
-        f"{result['recordings']} recordings each of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated from these models: {models}. Each is fitted "
-        "with the true sum and optimal weights, without losses and with its gaps filled "
-        "(`Signal.fill_gaps`).",
+        f"{result['recordings']} recordings each of {result['samples']} samples at {result['rate']:g} Hz are "
+        f"simulated from these models: {models}. Each is fitted with the true sum and optimal weights, without losses "
+        "and with its gaps filled (`Signal.fill_gaps`).",
         *legend(
             {
                 "covered": (
@@ -199,11 +198,10 @@ def table(result: dict[str, Any]) -> str:
             "The methods:",
         ),
         "",
-        "gmwm fills gaps. Filling is as accurate as the pairs at short scales and more "
-        "accurate at long scales: the averages at two lags come from different pairs, so "
-        "their errors do not cancel. Filling also gives robust curves, spectra and all "
-        "other estimates. With a share p of filled samples, the covariance is the "
-        "covariance of a recording without losses times 1 + 2.5 p.",
+        "gmwm fills gaps. Filling is as accurate as the pairs at short scales and more accurate at long scales: the "
+        "averages at two lags come from different pairs, so their errors do not cancel. Filling also gives robust "
+        "curves, spectra and all other estimates. With a share p of filled samples, the covariance is the covariance "
+        "of a recording without losses times 1 + 2.5 p.",
         "",
         f"| model | lost | method | {' | '.join(f'level {j}' for j in SHOWN)} |",
         f"|---|---|---|{'---|' * len(SHOWN)}",

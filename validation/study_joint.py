@@ -109,9 +109,8 @@ def _row(place: int, case: Case, repeats: int) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: a line for each case."""
     lines = [
-        "Three signals of 10 000 samples, unless the table states otherwise, are "
-        "simulated in plain NumPy. `gmwm.fit_joint` fits the true model, in which one "
-        "term may be shared.",
+        "Three signals of 10 000 samples, unless the table states otherwise, are simulated in plain NumPy. "
+        "`gmwm.fit_joint` fits the true model, in which one term may be shared.",
         *legend(
             {
                 "rejected": "share of recordings in which the test of the model rejects it at the 5 % level",

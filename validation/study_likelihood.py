@@ -114,15 +114,12 @@ def table(result: dict[str, Any]) -> str:
     least = min(row["profiles"] for row in result["rows"])
     rough = 100 * np.sqrt(0.95 * 0.05 / least)
     lines = [
-        f"{result['recordings']} recordings at {result['rate']:g} Hz are simulated from "
-        f"each model, with a mean of {result['offset']:g} that the fit does not know. "
-        "Maximum likelihood starts from the fit to the wavelet variance. The coverage of "
-        f"95 % Wald intervals of the long recordings is {min(covered):.1%} to "
-        f"{max(covered):.1%}, and of profile intervals of all recordings "
-        f"{min(followed):.1%} to {max(followed):.1%}. If a recording contains only a few "
-        "correlation times of a process (five in the short recordings), use "
-        "`method='profile'`. The standard error of the mean treats the parameters as "
-        "known.",
+        f"{result['recordings']} recordings at {result['rate']:g} Hz are simulated from each model, with a mean of "
+        f"{result['offset']:g} that the fit does not know. Maximum likelihood starts from the fit to the wavelet "
+        f"variance. The coverage of 95 % Wald intervals of the long recordings is {min(covered):.1%} to "
+        f"{max(covered):.1%}, and of profile intervals of all recordings {min(followed):.1%} to {max(followed):.1%}. "
+        "If a recording contains only a few correlation times of a process (five in the short recordings), use "
+        "`method='profile'`. The standard error of the mean treats the parameters as known.",
         *legend(
             {
                 "covered": (
@@ -153,12 +150,10 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "The next table is for all parameters together. It has the mean of 2 (log "
-        "L(estimate) − log L(truth)), and the share of recordings in which this difference "
-        "exceeds the 5 % limit of the chi-square distribution. The last two columns have the "
-        "shares of recordings in which the tests of the standardised innovations at the 5 % "
-        "level reject the correct model. The "
-        "Ljung-Box test reduces its degrees of freedom by the number of estimated "
+        "The next table is for all parameters together. It has the mean of 2 (log L(estimate) − log L(truth)), and "
+        "the share of recordings in which this difference exceeds the 5 % limit of the chi-square distribution. The "
+        "last two columns have the shares of recordings in which the tests of the standardised innovations at the 5 % "
+        "level reject the correct model. The Ljung-Box test reduces its degrees of freedom by the number of estimated "
         f"parameters. The standard error of these shares is {noise:.1f} %.",
         "",
         *table_lines(

@@ -205,10 +205,9 @@ def _delay(place: int, name: str, repeats: int) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: run lengths, delays and kinds."""
     lines = [
-        f"A healthy sensor at {RATE:g} Hz is monitored. The monitor is set to one false alarm in {WANTED:g} "
-        f"samples. The *run length* is the number of samples for each alarm, "
-        "with its standard error. Alarms in the same second are counted as one. With a "
-        "baseline, variances within 10 % of it are not reported, so alarms are rarer than "
+        f"A healthy sensor at {RATE:g} Hz is monitored. The monitor is set to one false alarm in {WANTED:g} samples. "
+        "The *run length* is the number of samples for each alarm, with its standard error. Alarms in the same second "
+        "are counted as one. With a baseline, variances within 10 % of it are not reported, so alarms are rarer than "
         "stated.",
         "",
         "| noise | baseline | samples | alarms | run length |",
@@ -223,12 +222,11 @@ def table(result: dict[str, Any]) -> str:
         )
     lines += [
         "",
-        "A gyroscope with N = 0.15 deg/√h, Gauss-Markov noise of 29 deg/h over 50 s and K "
-        f"= 5 deg/h/√h has the faults in the table. The monitor is set to one false alarm in {RARE:g} samples (28 "
-        f"h). The study uses {result['repeats']} recordings of each "
-        "fault. The *delay* is the time from the beginning of the fault to the first "
-        "alarm. The last column has the kind of the fault, and the share of the detected "
-        "faults for which it is identified correctly.",
+        "A gyroscope with N = 0.15 deg/√h, Gauss-Markov noise of 29 deg/h over 50 s and K = 5 deg/h/√h has the faults "
+        f"in the table. The monitor is set to one false alarm in {RARE:g} samples (28 h). The study uses "
+        f"{result['repeats']} recordings of each fault. The *delay* is the time from the beginning of the fault to "
+        "the first alarm. The last column has the kind of the fault, and the share of the detected faults for which "
+        "it is identified correctly.",
         "",
         "| fault | found | median delay (s) | 90 % (s) | kind |",
         "|---|---|---|---|---|",
@@ -241,11 +239,10 @@ def table(result: dict[str, Any]) -> str:
         f"Before the faults, the recordings have {len(result['rows']) * result['repeats'] * BEFORE:.2g} healthy "
         f"samples in total, and {sum(row['early'] for row in result['rows'])} recordings have a false alarm there.",
         "",
-        "The next table has the median and the 90 % quantile of the delays (s) for other choices of the charts "
-        "that detect more noise. *R* is the ratio of variances for which a chart is optimal. "
-        "*Blocks* is the length of a block of level j, in units of 2^j samples. gmwm uses the "
-        "last row. Two charts for each level detect small and large increases early, and "
-        "short blocks detect slow noise early.",
+        "The next table has the median and the 90 % quantile of the delays (s) for other choices of the charts that "
+        "detect more noise. *R* is the ratio of variances for which a chart is optimal. *Blocks* is the length of a "
+        "block of level j, in units of 2^j samples. gmwm uses the last row. Two charts for each level detect small "
+        "and large increases early, and short blocks detect slow noise early.",
         "",
         "| R | blocks | " + " | ".join(SLOWEST) + " |",
         "|---|---|" + "---|" * len(SLOWEST),

@@ -215,10 +215,9 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "The next table has two special cases, with the V of the true model. WN + RW has "
-        "a random walk that many recordings do not show. Theory treats it as either "
-        "present or absent, and is too low on average. GM + WN lacks the second of two "
-        "Gauss-Markov processes, so the second derivatives in H matter.",
+        "The next table has two special cases, with the V of the true model. WN + RW has a random walk that many "
+        "recordings do not show. Theory treats it as either present or absent, and is too low on average. GM + WN "
+        "lacks the second of two Gauss-Markov processes, so the second derivatives in H matter.",
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio "
         "| truth, without second derivatives |",

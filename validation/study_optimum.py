@@ -103,9 +103,8 @@ def _multistart(truth: gmwm.Model, wv: gmwm.WaveletVariance, omega: Matrix, rng:
 def table(result: dict[str, Any]) -> str:
     """Markdown: for each model, the worst ratios and the certificate."""
     lines = [
-        f"{len(result['rows'])} recordings of {result['samples']} samples are fitted with "
-        f"{result['starts']} random starts of L-BFGS-B each. The table shows the worst "
-        "recording of each model.",
+        f"{len(result['rows'])} recordings of {result['samples']} samples are fitted with {result['starts']} random "
+        "starts of L-BFGS-B each. The table shows the worst recording of each model.",
         "",
         "| model | recordings | objective / at the truth | objective / best of the multistarts "
         "| multistarts that missed it | gap to lower bound | nodes |",

@@ -82,11 +82,10 @@ def table(result: dict[str, Any]) -> str:
     worst = max(abs(row["quantiles_over_plan"] - 1) for row in seen)
     models = "; ".join(f"`{text}`" for text in result["truths"])
     lines = [
-        f"{result['recordings']} recordings of each length at {result['rate']:g} Hz are "
-        f"simulated and fitted with diagonal weighting, from these models: {models}. "
-        "If the planned standard error is at most 30 %, the simulated one (*quantiles*) "
-        f"differs from it by at most {100 * worst:.0f} %. Above 30 %, estimates are skewed "
-        "and sometimes zero, and a standard error is of little use.",
+        f"{result['recordings']} recordings of each length at {result['rate']:g} Hz are simulated and fitted with "
+        f"diagonal weighting, from these models: {models}. If the planned standard error is at most 30 %, the "
+        f"simulated one (*quantiles*) differs from it by at most {100 * worst:.0f} %. Above 30 %, estimates are "
+        "skewed and sometimes zero, and a standard error is of little use.",
         *legend(
             {
                 "plan": "relative standard error from the exact covariance, without a simulation",

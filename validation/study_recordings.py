@@ -159,9 +159,8 @@ def table(result: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|---|",
         *(f"| {r['kind']} | {r['what']} | {r['repeats']} | {_shares(r)} |" for r in result["powers"]),
         "",
-        "The table has the coverage of the 95 % interval of the mean over recordings. "
-        "The estimate from each recording has a normal error with standard deviation 1, and the recordings have "
-        "the given spread.",
+        "The table has the coverage of the 95 % interval of the mean over recordings. The estimate from each "
+        "recording has a normal error with standard deviation 1, and the recordings have the given spread.",
         *legend(
             {
                 "without": "coverage of intervals that ignore the spread",

@@ -54,11 +54,10 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz of each model are fitted with diagonal weighting, iterated "
-        "until the weights match the estimate. The estimates of random walks and small "
-        "decay rates have a skewed distribution, so their median and mean differ. The "
-        "table has the estimates divided by the true value.",
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model are "
+        "fitted with diagonal weighting, iterated until the weights match the estimate. The estimates of random walks "
+        "and small decay rates have a skewed distribution, so their median and mean differ. The table has the "
+        "estimates divided by the true value.",
         "",
         *table_lines(
             "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",

@@ -374,9 +374,8 @@ def table(result: dict[str, Any]) -> str:
             lines.append(f"| {' | '.join(map(str, cells))} |")
     lines += [
         "",
-        "The table shows by how much a reading error changes the slope, in per cent of "
-        "the slope, with its standard error. The noise is WN + RW. *Held*: each reading "
-        "is held for 100 samples.",
+        "The table shows by how much a reading error changes the slope, in per cent of the slope, with its standard "
+        "error. The noise is WN + RW. *Held*: each reading is held for 100 samples.",
         "",
         "| reading | temperature | series | accepted | change of the slope |",
         "|---|---|---|---|---|",

@@ -118,11 +118,10 @@ def table(result: dict[str, Any]) -> str:
     count, chosen = result["recordings"], result["chosen_recordings"]
     noise, rough = (100 * math.sqrt(0.95 * 0.05 / n) for n in (count, chosen))
     lines = [
-        "The table has the share of 95 % intervals of the bias at rest that contain the "
-        f"true value, in {count} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz for each kind of noise. The standard error of a share of "
-        f"95 % is {noise:.1f} %; for the last column, with {chosen} recordings, it is "
-        f"{rough:.1f} %.",
+        f"The table has the share of 95 % intervals of the bias at rest that contain the true value, in {count} "
+        f"recordings of {result['samples']} samples at {result['rate']:g} Hz for each kind of noise. The standard "
+        f"error of a share of 95 % is {noise:.1f} %; for the last column, with {chosen} recordings, it is {rough:.1f} "
+        "%.",
         *legend(
             {
                 "ratio": "root mean square error of the mean, divided by its standard error",
@@ -137,13 +136,11 @@ def table(result: dict[str, Any]) -> str:
             result["rows"],
         ),
         "",
-        "The true value is the constant part of the signal. With a random walk, it is the "
-        "level at the end of the recording. Flicker noise has no constant part: its error is "
-        "the difference from the mean of the next recording, divided by √2. With the weak random "
-        "walk, the error of the mean is larger than the error from the white noise alone, "
-        "but the walk is rarely visible in one recording. The interval for the known "
-        "model allows for this. If `calibrate` chooses a model without a random walk, the "
-        "interval is too short; repeat the recording to measure the spread between "
-        "recordings.",
+        "The true value is the constant part of the signal. With a random walk, it is the level at the end of the "
+        "recording. Flicker noise has no constant part: its error is the difference from the mean of the next "
+        "recording, divided by √2. With the weak random walk, the error of the mean is larger than the error from the "
+        "white noise alone, but the walk is rarely visible in one recording. The interval for the known model allows "
+        "for this. If `calibrate` chooses a model without a random walk, the interval is too short; repeat the "
+        "recording to measure the spread between recordings.",
     ]
     return "\n".join(lines) + "\n"

@@ -55,9 +55,8 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each step and place of the mean."""
     lines = [
-        f"The study rounds {result['samples']} samples to multiples of the LSB. The samples are "
-        "white noise with the standard deviation σ, and a slow change of the mean with an "
-        f"amplitude of {result['wander']:g} σ.",
+        f"The study rounds {result['samples']} samples to multiples of the LSB. The samples are white noise with the "
+        f"standard deviation σ, and a slow change of the mean with an amplitude of {result['wander']:g} σ.",
         *legend(
             {
                 "N / σ, N / √(σ² + LSB²/12)": (

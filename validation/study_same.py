@@ -58,9 +58,8 @@ def _differ(x: Array, y: Array) -> bool:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the two tables."""
     lines = [
-        "Two recordings of the same noise are simulated in plain NumPy and compared by "
-        "`gmwm.same` with its defaults. *False* is the share of pairs in which the test "
-        "at the 5 % level finds a difference.",
+        "Two recordings of the same noise are simulated in plain NumPy and compared by `gmwm.same` with its defaults. "
+        "*False* is the share of pairs in which the test at the 5 % level finds a difference.",
         "",
         "| noise | samples | pairs | false |",
         "|---|---|---|---|",

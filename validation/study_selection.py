@@ -76,9 +76,8 @@ def _selected(weighting: str, draws: int, truth: str, variance: recordings.Array
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each truth and weighting."""
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated from each model. gmwm ranks every model "
-        f"within {result['general']}, with {result['draws']} draws.",
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz are simulated "
+        f"from each model. gmwm ranks every model within {result['general']}, with {result['draws']} draws.",
         *legend(
             {
                 "recommended": "share of recordings in which the true model is recommended",

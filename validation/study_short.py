@@ -192,18 +192,16 @@ def table(result: dict[str, Any]) -> str:
     count, followed = result["recordings"], result["likelihood_recordings"]
     noise, rough = (100 * np.sqrt(0.95 * 0.05 / n) for n in (count, followed))
     lines = [
-        f"The tables give the coverage of 95 % intervals, from {count} recordings for each value, or "
-        f"{followed} for maximum likelihood. The standard errors of a share "
-        f"of 95 % are {noise:.1f} % and {rough:.1f} %. In long recordings of models whose "
-        "terms are all visible, the intervals contain the true value [in 93 to 97 "
+        f"The tables give the coverage of 95 % intervals, from {count} recordings for each value, or {followed} for "
+        f"maximum likelihood. The standard errors of a share of 95 % are {noise:.1f} % and {rough:.1f} %. In long "
+        "recordings of models whose terms are all visible, the intervals contain the true value [in 93 to 97 "
         "%](coverage.md) of cases.",
         "",
         "## Few correlation times",
         "",
-        f"Recordings of `{result['truth']}` at {result['rate']:g} Hz, with T_c = "
-        f"{result['samples_per_time']} samples, are fitted as GM + WN. The table has the "
-        "share of intervals of β and of σ² that contain the true value, by the length of "
-        "the recording in T_c.",
+        f"Recordings of `{result['truth']}` at {result['rate']:g} Hz, with T_c = {result['samples_per_time']} "
+        "samples, are fitted as GM + WN. The table has the share of intervals of β and of σ² that contain the true "
+        "value, by the length of the recording in T_c.",
         *legend(
             {
                 "open": ("share of intervals of β that are (0, ∞), because the term acts as another process"),
@@ -228,11 +226,9 @@ def table(result: dict[str, Any]) -> str:
         "",
         "## A weak term estimated as zero",
         "",
-        "The fitted model is correct, but one of its terms is so weak that it is often "
-        "estimated as zero. Standard errors are computed at the estimate, without the "
-        "noise of that term. The table has the coverage of the other term in all "
-        "recordings, in the recordings with the weak term at zero, and in the remaining "
-        "ones.",
+        "The fitted model is correct, but one of its terms is so weak that it is often estimated as zero. Standard "
+        "errors are computed at the estimate, without the noise of that term. The table has the coverage of the other "
+        "term in all recordings, in the recordings with the weak term at zero, and in the remaining ones.",
         "",
         "| truth | samples | weak | by | recordings | zero | parameter | covered | where zero | elsewhere |",
         "|---|---|---|---|---|---|---|---|---|---|",
@@ -246,10 +242,9 @@ def table(result: dict[str, Any]) -> str:
         "",
         "## After model selection",
         "",
-        "The same recordings are used with the model that `gmwm.select` recommends within "
-        "the true model. The table has the share of recommendations without the weak "
-        "term, and the coverage of the other term under the recommended model: in all "
-        "recordings, in the recordings without the weak term, and in the remaining ones.",
+        "The same recordings are used with the model that `gmwm.select` recommends within the true model. The table "
+        "has the share of recommendations without the weak term, and the coverage of the other term under the "
+        "recommended model: in all recordings, in the recordings without the weak term, and in the remaining ones.",
         *legend(
             {
                 "largest": "interval under the largest model, here the true model",

@@ -75,11 +75,10 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each length and start."""
     least = min(row["least"] for row in result["rows"])
     lines = [
-        f"{result['recordings']} recordings of {result['model']} at {result['rate']:g} Hz "
-        "are simulated for each length, and fitted with the diagonal weights of the "
-        "paper. The table has the objective divided by the objective of the convex "
-        "method, which needs no starting values. *Reached* is the share of recordings "
-        f"with a ratio of at most 1 + 1e-6. The smallest ratio minus 1 is {least - 1:+.1e}.",
+        f"{result['recordings']} recordings of {result['model']} at {result['rate']:g} Hz are simulated for each "
+        "length, and fitted with the diagonal weights of the paper. The table has the objective divided by the "
+        "objective of the convex method, which needs no starting values. *Reached* is the share of recordings with a "
+        f"ratio of at most 1 + 1e-6. The smallest ratio minus 1 is {least - 1:+.1e}.",
         "",
         "| variance | samples | start | reached | median | worst |",
         "|---|---|---|---|---|---|",

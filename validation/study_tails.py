@@ -195,10 +195,9 @@ def table(result: dict[str, Any]) -> str:
         return "" if value is None else f"{100 * value:.{digits}f} %"
 
     lines = [
-        f"{result['recordings']} recordings each of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated. The noise is white noise of unit variance, "
-        "a Gauss-Markov process (20 s, standard deviation 0.1) and a random walk (1e-4 "
-        f"per sample). Each recording is measured as one axis of {result['axes']} with the "
+        f"{result['recordings']} recordings each of {result['samples']} samples at {result['rate']:g} Hz are "
+        "simulated. The noise is white noise of unit variance, a Gauss-Markov process (20 s, standard deviation 0.1) "
+        f"and a random walk (1e-4 per sample). Each recording is measured as one axis of {result['axes']} with the "
         f"rule of `calibrate`, and fitted with {result['structure']} and optimal weights.",
         *legend(
             {

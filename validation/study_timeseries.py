@@ -64,9 +64,8 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     covered = [row["covered"] for row in result["rows"]]
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at "
-        f"{result['rate']:g} Hz are simulated from each model and fitted without starting "
-        "values. The 95 % intervals are asymptotic, and their coverage is "
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz are simulated "
+        "from each model and fitted without starting values. The 95 % intervals are asymptotic, and their coverage is "
         f"{min(covered):.1%} to {max(covered):.1%}.",
         *legend(
             {

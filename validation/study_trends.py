@@ -133,9 +133,8 @@ def table(result: dict[str, Any]) -> str:
     nulls = [row for row in result["rows"] if not row["size"]]
     power = [row for row in result["rows"] if row["size"]]
     lines = [
-        f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz are "
-        "inspected with `gmwm.inspect`. *Found* is the share of recordings with a remark "
-        "on a trend (`warm-up`, `trend` or `linear-trend`).",
+        f"Recordings of {result['duration'] / 60:.0f} min at {result['rate']:g} Hz are inspected with `gmwm.inspect`. "
+        "*Found* is the share of recordings with a remark on a trend (`warm-up`, `trend` or `linear-trend`).",
         "",
         (f"The first table is for noise without a trend. The largest share is {result['false']:.1%}."),
         "",

@@ -187,15 +187,13 @@ def _disturbances(levels: NDArray[np.int64]) -> Vector:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each case and parameter; one for each parameter of each model of theory."""
     lines = [
-        f"This study compares three weightings. It uses {result['recordings']} recordings "
-        f"at {result['rate']:g} Hz of {result['model']}, without and with a disturbance "
-        "that GM + WN + RW does not include:",
+        f"This study compares three weightings. It uses {result['recordings']} recordings at {result['rate']:g} Hz of "
+        f"{result['model']}, without and with a disturbance that GM + WN + RW does not include:",
         "",
         *(f"- {case}: {record.__doc__}" for case, (record, _) in CASES.items() if record is not right),
         "",
-        "The table has the estimate divided by the true value, as median and root mean "
-        "square error, and the coverage of the 95 % interval (for identity weights, from "
-        f"one recording in {RARELY}).",
+        "The table has the estimate divided by the true value, as median and root mean square error, and the coverage "
+        f"of the 95 % interval (for identity weights, from one recording in {RARELY}).",
         "",
         "| case | samples | parameter | diagonal: median | error | covered | optimal: median | error | covered "
         "| identity: median | error | covered |",
@@ -206,15 +204,13 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {r['case']} | {r['samples']} | {r['parameter']} | {' | '.join(cells)} |")
     lines += [
         "",
-        f"The next table comes from theory, for {SAMPLES} samples. For the correct model, "
-        "it gives the relative standard error with optimal weights, and the ratio of the "
-        "other standard errors to it. For a slightly wrong model, one of 25 disturbances "
-        "is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
-        "process with β from 0.01 to 100, rounding), with the size that the best test for "
-        "it would detect at three standard deviations. The table then gives the root mean square error over all "
-        "disturbances, which combines bias and standard deviation, divided by the standard error with optimal "
-        "weights, and the share of disturbances for which "
-        "diagonal weights have the smaller error.",
+        f"The next table comes from theory, for {SAMPLES} samples. For the correct model, it gives the relative "
+        "standard error with optimal weights, and the ratio of the other standard errors to it. For a slightly wrong "
+        "model, one of 25 disturbances is added (a sinusoid with a period of 3 to 46 000 samples, a Gauss-Markov "
+        "process with β from 0.01 to 100, rounding), with the size that the best test for it would detect at three "
+        "standard deviations. The table then gives the root mean square error over all disturbances, which combines "
+        "bias and standard deviation, divided by the standard error with optimal weights, and the share of "
+        "disturbances for which diagonal weights have the smaller error.",
         "",
         *table_lines(
             "| model | parameter | optimal | diagonal | identity | wrong: optimal | diagonal | identity "
@@ -243,13 +239,12 @@ def _words(result: dict[str, Any]) -> str:
         "disturbances the result depends on the omitted process. With a slow process omitted, the estimate of the "
         f"random walk is {slow['diagonal_median']:.2f} times the true value with diagonal weights and "
         f"{slow['optimal_median']:.2f} with optimal ones; with a slow oscillation it is "
-        f"{swing['diagonal_median']:.2f} and {swing['optimal_median']:.2f}. No weighting corrects a "
-        "wrong model: both estimates and their intervals miss "
-        "the true value by several standard errors. Heavy tails and knocks affect only the white noise, with either "
-        "weighting. With heavy tails, its intervals are too short, because the covariance assumes a Gaussian signal. "
-        "With knocks, its estimate contains the variance of the knocks, and its intervals do not account for this. "
-        "Identity weights depend almost only on the largest levels: errors "
-        f"are up to {max(r['identity'] for r in result['theory']):.0f} times larger even if the model is right. Their "
+        f"{swing['diagonal_median']:.2f} and {swing['optimal_median']:.2f}. No weighting corrects a wrong model: both "
+        "estimates and their intervals miss the true value by several standard errors. Heavy tails and knocks affect "
+        "only the white noise, with either weighting. With heavy tails, its intervals are too short, because the "
+        "covariance assumes a Gaussian signal. With knocks, its estimate contains the variance of the knocks, and its "
+        "intervals do not account for this. Identity weights depend almost only on the largest levels: errors are up "
+        f"to {max(r['identity'] for r in result['theory']):.0f} times larger even if the model is right. Their "
         "intervals, which assume a quadratic objective, do not have the nominal coverage. Identity weights are never "
         f"a good choice in this study. The weights did not converge in {sum(result['unsettled'].values())} of "
         f"{len(CASES) * len(WEIGHTINGS) * result['recordings']} fits."
