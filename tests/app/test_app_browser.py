@@ -15,11 +15,7 @@ from gmwm.applications.app.server import running
 from gmwm.applications.app.session import Session
 from gmwm.theory.simulation import reference_imu
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-if CHROMIUM is None:
-    pytest.skip("needs Chromium on the path: apt install chromium", allow_module_level=True)
 pytest.importorskip("dash", reason="needs Dash: pip install '.[app]'")
-playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install '.[browser]'")
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -27,14 +23,6 @@ SHARED = Path(__file__).parents[3] / "shared" / "data" / "adis16405_static_1_fir
 TABS = ("recording", "curves", "model", "numbers", "download")
 WAIT = 60_000
 """Longest time (ms) for a calibration on a busy machine."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

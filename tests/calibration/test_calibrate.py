@@ -14,8 +14,9 @@ from gmwm.calibration.calibrate_recordings import STAGES
 from gmwm.choosing.datasheets import model_datasheet, with_limits
 from gmwm.choosing.selection.structure import structure_of
 from tests.helpers import codes, only, raises
+from tests.knocked import TRUTH
 
-from .conftest import TRUTH, WITHIN
+from .conftest import WITHIN
 
 
 def structures(calibration):

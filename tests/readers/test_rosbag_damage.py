@@ -85,23 +85,24 @@ def test_foreign_and_mislabelled_files(tmp_path):
         read(tmp_path)
 
 
-def test_a_view_is_no_table(tmp_path):
-    """A view could be a program that never ends."""
+@pytest.mark.parametrize(
+    ("statements", "code"),
+    [
+        # A view could be a program that never ends.
+        (
+            ["ALTER TABLE messages RENAME TO real", "CREATE VIEW messages AS SELECT * FROM real"],
+            "no-recording",
+        ),
+        (["UPDATE messages SET data = 'text' WHERE id = 20"], "message-damaged"),
+    ],
+)
+def test_a_view_is_no_table_and_messages_are_bytes(tmp_path, statements, code):
     path = one_file(tmp_path, "db3")
     with closing(sqlite3.connect(path)) as base:
-        base.execute("ALTER TABLE messages RENAME TO real")
-        base.execute("CREATE VIEW messages AS SELECT * FROM real")
+        for statement in statements:
+            base.execute(statement)
         base.commit()
-    with raises(ReadError, code="no-recording"):
-        read(path)
-
-
-def test_messages_that_are_no_bytes(tmp_path):
-    path = one_file(tmp_path, "db3")
-    with closing(sqlite3.connect(path)) as base:
-        base.execute("UPDATE messages SET data = 'text' WHERE id = 20")
-        base.commit()
-    with raises(ReadError, code="message-damaged"):
+    with raises(ReadError, code=code):
         read(path)
 
 

@@ -1,15 +1,8 @@
 """The page in a browser: it draws, answers to the pointer, copies, prints, fits a phone, and asks no network."""
 
-import shutil
-
 import pytest
 
 import gmwm
-
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-if CHROMIUM is None:
-    pytest.skip("needs Chromium on the path: apt install chromium", allow_module_level=True)
-playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install '.[browser]'")
 
 pytestmark = pytest.mark.browser
 
@@ -23,14 +16,6 @@ def until(page, expression):
             return
         page.wait_for_timeout(50)
     raise AssertionError(f"not in five seconds: {expression}")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -26,28 +26,19 @@ def phase_of(alpha, size, seed):
     return x
 
 
-@pytest.mark.parametrize("alpha", [2, 1, 0, -1, -2])
-def test_allan_noises(alpha):
+@pytest.mark.parametrize(
+    ("estimate", "alpha", "least"),
+    [(allan_variance, alpha, 0.9) for alpha in (2, 1, 0, -1, -2)] + [(hadamard_variance, a, 0.85) for a in (0, -2, -4)],
+)
+def test_noises(estimate, alpha, least):
     name = next(noise.name for noise in NOISE_TYPES if noise.exponent == alpha)
     right = total = 0
     for seed in range(6):
-        result = allan_variance(phase_of(alpha, 4096, seed), rate=1.0, data="phase")
+        result = estimate(phase_of(alpha, 4096, seed), rate=1.0, data="phase")
         enough = result.clusters <= 4096 // 60
         right += sum(np.array(result.noise)[enough] == name)
         total += np.count_nonzero(enough)
-    assert right / total > 0.9
-
-
-@pytest.mark.parametrize("alpha", [0, -2, -4])
-def test_hadamard_noises(alpha):
-    name = next(noise.name for noise in NOISE_TYPES if noise.exponent == alpha)
-    right = total = 0
-    for seed in range(6):
-        result = hadamard_variance(phase_of(alpha, 4096, seed), rate=1.0, data="phase")
-        enough = result.clusters <= 4096 // 60
-        right += sum(np.array(result.noise)[enough] == name)
-        total += np.count_nonzero(enough)
-    assert right / total > 0.85
+    assert right / total > least
 
 
 @pytest.mark.parametrize("alpha", [2, 1, 0, -2])
