@@ -31,6 +31,7 @@ from gmwm.cli.options import (
     Repeated,
     View,
     Weighting,
+    chosen_efficiency,
     joined_against,
     named_as_options,
     parse_models,
@@ -40,7 +41,6 @@ from gmwm.cli.options import (
 from gmwm.cli.output import NewFile, Outcome, file_names, make_directory, optional_plots, progress, text_file
 from gmwm.cli.read_options import chosen_names, document_of, names_of, only_file
 from gmwm.measuring.regression.against import AUTO
-from gmwm.measuring.variance.biweight import EFFICIENCY
 from gmwm.recording.options import ReadOptions
 
 if TYPE_CHECKING:
@@ -210,13 +210,8 @@ def calibrate(
 
 def calibration_options(*, within: str, robust: str, efficiency: float | None, **others: Any) -> CalibrationOptions:
     """Return the options of a calibration from the values of --within, --robust, --efficiency and others."""
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance", argument="efficiency", got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )  # fmt: skip
     outliers: dict[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
-    strength = EFFICIENCY if efficiency is None else efficiency
+    strength = chosen_efficiency(robust != "no", efficiency, "Leave {--efficiency} or {--robust=no} out.")
     return CalibrationOptions(within=parse_searched(within), robust=outliers[robust], efficiency=strength, **others)
 
 

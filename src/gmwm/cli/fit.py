@@ -160,11 +160,12 @@ def fit(
     if likelihood and isinstance(recording := next(iter(recordings.values())), gmwm.Imu):
         covariates = {name: asked_again(axis_fit.regression, recording.temperature) for name, axis_fit in fits.items()}
         carried = judge_fits(likelihood_fits(fits, chosen_axes(recording, axis), parsed, covariates), confidence)
+    picture = partial(_picture, view=view or "auto", units=picture_units(datasheet))
     content = {**document_of(files), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
     parts = [*replicates_text(fits), fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]
     return Outcome(
         command="fit", document=content, in_text=tuple(_remarks(fits, carried)), text="\n\n".join(parts),
-        files=tuple(_files(fits, content, output, plot, picture=_drawer(view or "auto", picture_units(datasheet)))),
+        files=tuple(_files(fits, content, output, plot, picture=picture)),
     )  # fmt: skip
 
 
@@ -243,10 +244,6 @@ def fit_axes(
         return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify, start=start)
 
     return over_axes(measured_and_fitted, signals, "fitting")
-
-
-def _drawer(view: ViewName, units: UnitSystem) -> Callable[[Mapping[str, gmwm.Fit], Path], NewFile]:
-    return partial(_picture, view=view, units=units)
 
 
 def _picture(fits: Mapping[str, gmwm.Fit], path: Path, view: ViewName, units: UnitSystem) -> NewFile:

@@ -55,16 +55,6 @@ def checker(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
     return callback
 
 
-@contextmanager
-def prefix_errors(argument: str) -> Iterator[None]:
-    """Put the name of an argument in front of the message of each ModelError that is raised in the block."""
-    try:
-        yield
-    except ModelError as error:
-        error.prefix = argument
-        raise
-
-
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
 View = Literal["wavelet", "allan"]
@@ -228,8 +218,11 @@ def parse_within(text: str) -> gmwm.Model:
     >>> parse_within("GM + WN")
     Model('GM + WN')
     """
-    with prefix_errors("within"):
+    try:
         return gmwm.Model.parse(text)
+    except ModelError as error:
+        error.prefix = "within"
+        raise
 
 
 def parse_searched(text: str) -> gmwm.Model | str:
@@ -243,12 +236,14 @@ def parse_searched(text: str) -> gmwm.Model | str:
     return text if text == SEARCHED else parse_within(text)
 
 
-def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
+def chosen_efficiency(
+    robust: bool, efficiency: float | None, advice: str = "Add {--robust}, or leave {--efficiency} out."
+) -> float:
     """Return the efficiency of the robust wavelet variance, 0.6 by default."""
     if efficiency is not None and not robust:
         raise OptionError(
             "--efficiency applies only to the robust wavelet variance", argument="efficiency", got=efficiency,
-            advice="Add {--robust}, or leave {--efficiency} out.",
+            advice=advice,
         )  # fmt: skip
     return EFFICIENCY if efficiency is None else efficiency
 

@@ -27,6 +27,8 @@ EXAMPLES = (
     'gmwm plan --from "gyro: N=0.15deg/√h, K=2deg/h/√h" --rate 100 --duration 2h',
 )
 
+_FITS = "Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote."
+
 
 @command
 def plan(
@@ -146,11 +148,7 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
     if path.is_dir():
         candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
         if not candidates:
-            raise ReadError(
-                f"{path} contains neither fits.json nor calibration.json",
-                got=str(path),
-                advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
-            )
+            raise ReadError(f"{path} contains neither fits.json nor calibration.json", got=str(path), advice=_FITS)
         if len(candidates) > 1:
             raise ReadError(
                 f"{path} contains both fits.json and calibration.json", got=str(path), advice="Pass one of the files."
@@ -165,19 +163,13 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
     except ReadError as error:
         raise _not_fits(path, error.reason) from error
     if not fits:
-        raise ReadError(
-            f"{path} contains no fit",
-            got=str(path),
-            advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
-        )
+        raise ReadError(f"{path} contains no fit", got=str(path), advice=_FITS)
     return file, fits
 
 
 def _not_fits(path: Path, why: str) -> ReadError:
     return ReadError(
-        f"{path} is neither a fits.json nor a calibration.json of gmwm ({why})",
-        got=str(path),
-        advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
+        f"{path} is neither a fits.json nor a calibration.json of gmwm ({why})", got=str(path), advice=_FITS
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm.applications.several import fitting
 from gmwm.applications.several.certificate import LARGEST_GAP, Prover
 from gmwm.applications.several.matrices import entries, lag_products, symmetric
-from gmwm.applications.several.search import descend, joint_terms, sum_model, with_kind
+from gmwm.applications.several.search import descend, joint_terms, sum_model
 from gmwm.applications.several.state_space import JointContinuousStateSpace, JointStateSpace, continuous, discrete
 from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
@@ -259,7 +259,9 @@ class JointFit(Summarised, Plotted):
         """
         place = self._place(term)
         if term not in self._shared_tests:
-            null = fitting.settle(with_kind(self.settled.problem.terms, place, "own"), self.settled.measured)
+            terms = self.settled.problem.terms
+            own = (*terms[:place], replace(terms[place], kind="own"), *terms[place + 1 :])
+            null = fitting.settle(own, self.settled.measured)
             statistic, df = fitting.sharing(null, place)
             pvalue = float(scipy.special.gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
             self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations, islice, product
 from typing import Any, Literal, get_args
@@ -143,11 +143,6 @@ def _label(kinds_and_processes: list[tuple[Kind, Process]]) -> tuple[JointTerm, 
             label += f"[{seen[kind, process.name]}]"
         terms.append(JointTerm(label=label, kind=kind, process=process))
     return tuple(terms)
-
-
-def with_kind(terms: tuple[JointTerm, ...], place: int, kind: Kind) -> tuple[JointTerm, ...]:
-    """Return the terms with the kind of term number `place` changed."""
-    return (*terms[:place], replace(terms[place], kind=kind), *terms[place + 1 :])
 
 
 def sum_model(parts: Iterable[Process]) -> Model:

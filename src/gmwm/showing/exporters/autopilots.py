@@ -72,20 +72,16 @@ class ArduPilot(_Floor):
     meaning = _meaning(0.012, _ARDUPILOT, "0.015, 0.35, 0.001 and 0.02")
 
 
-_MEANING = (
-    "Units: continuous-time power spectral densities, the squares of N and K: accelerometer (m/s²)²/Hz, gyroscope "
-    "(rad/s)²/Hz, bias of the accelerometer (m/s³)²/Hz, bias of the gyroscope (rad/s²)²/Hz. The inflation "
-    "factor is squared.",
-)
-_ADVICE = ("Keep your covariances of the integration and of the initial bias: they are not noise of the sensor.",)
-
-
 class _Gtsam(TwoNumbers):
     """Base class of GTSAM's formats with four 3 × 3 continuous-time covariances. Source: `PreintegrationParams.h`,
     `PreintegrationCombinedParams.h` and `CombinedImuFactorsExample.cpp` of GTSAM."""
 
-    meaning = _MEANING
-    usage = _ADVICE
+    meaning = (
+        "Units: continuous-time power spectral densities, the squares of N and K: accelerometer (m/s²)²/Hz, gyroscope "
+        "(rad/s)²/Hz, bias of the accelerometer (m/s³)²/Hz, bias of the gyroscope (rad/s²)²/Hz. The inflation "
+        "factor is squared.",
+    )
+    usage = ("Keep your covariances of the integration and of the initial bias: they are not noise of the sensor.",)
     per_axis = True
 
     def _four(self, noise: Noise) -> list[tuple[str, tuple[Number, ...]]]:

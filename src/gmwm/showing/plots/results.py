@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.base.arrays import Vector
-from gmwm.base.errors import DataError, OptionError
+from gmwm.base.errors import DataError
 from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.text import duration_text
 from gmwm.base.units import datasheet_units
 from gmwm.fitting.inference.planning import CERTAIN_ERROR, Plan, as_accuracy
 from gmwm.measuring.regression.against import TEMPERATURE, WARM_UP
+from gmwm.recording.options import one_of
 from gmwm.showing.plots.axes import even_axis, limits_of, power_of, scaled_unit, time_axis, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.figure import (
@@ -250,6 +251,5 @@ def plot_regression(
 ) -> Figure:  # fmt: skip
     """Draw the axis against its first covariate, before and after the effect is subtracted, with the effect and its
     band."""
-    if units not in ("si", "datasheet"):
-        raise OptionError(argument="units", expected="'si' or 'datasheet'", got=units)
+    one_of(units, "units", ("si", "datasheet"))
     return single_panel(regression_panel(regression, units=units))
