@@ -158,6 +158,13 @@ def _printable(character: str) -> str:
     return ascii(character)[1:-1] if category(character) in ("Cf", "Zl", "Zp", "Cs") else character
 
 
+def html_table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table as HTML. All texts are escaped."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
 class Summarised(ABC):
     """Base of results whose notebook representation is their `summary()`."""
 

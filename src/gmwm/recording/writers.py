@@ -15,6 +15,7 @@ import numpy as np
 from gmwm.base.arrays import Vector
 from gmwm.base.atomic_files import written_whole
 from gmwm.base.errors import DataError, OptionError
+from gmwm.base.text import html_table
 from gmwm.base.threads import require_threads
 from gmwm.base.units import AXES
 from gmwm.recording.imu_records import TYPES, RecordType, counts
@@ -203,16 +204,14 @@ def xarray_of(imu: Imu) -> Any:
 
 def html_of(imu: Imu) -> str:
     """Return the mean and the standard deviation of each axis as a table for notebooks."""
-    rows = "".join(
-        f"<tr><td>{axis}</td><td>{signal.values.mean():.6g}</td><td>{signal.values.std():.4g}</td>"
-        f"<td>{escape(signal.unit)}</td></tr>"
+    rows = (
+        (axis, f"{signal.values.mean():.6g}", f"{signal.values.std():.4g}", signal.unit)
         for axis, signal in imu.signals.items()
     )
-    heads = "".join(f"<th>{name}</th>" for name in ("axis", "mean", "standard deviation", "unit"))
     size = f"{len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s"
     segments = f", {len(imu.segments)} segments between gaps" if len(imu.segments) > 1 else ""
     title = f"{escape(imu.source)}: {size}" if imu.source else size
-    return f"<p>{title}{segments}</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+    return f"<p>{title}{segments}</p>{html_table(('axis', 'mean', 'standard deviation', 'unit'), rows)}"
 
 
 def _record_type(format: str | None, target: Path) -> RecordType:

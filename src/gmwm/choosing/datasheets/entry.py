@@ -15,7 +15,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Tabular
-from gmwm.base.text import align, round_text, with_minus
+from gmwm.base.text import align, html_table, round_text, with_minus
 from gmwm.base.units import datasheet_units, spelt
 
 if TYPE_CHECKING:
@@ -307,16 +307,11 @@ class Datasheet(FrozenArrays, Documented, Tabular, Mapping[str, Entry]):
         return f"Datasheet({self.axis or 'unnamed'}: {'; '.join(str(entry) for entry in self.entries)})"
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{escape(entry.name)}</td><td>{escape(_title(entry))}</td><td>{escape(entry.text())}</td>"
-            f"<td>{escape(entry.text('si'))}</td></tr>"
-            for entry in self.entries
-        )
+        rows = ((entry.name, _title(entry), entry.text(), entry.text("si")) for entry in self.entries)
         about = (remark.about("") for remark in self.remarks)
         remarks = "".join(f"<p>{text}</p>" for text in texts(about, Dialect.HTML))
         return (
-            f"<div><b>{escape(self._head())}</b><table><thead><tr><th></th><th>quantity</th><th>datasheet</th>"
-            f"<th>SI</th></tr></thead><tbody>{rows}</tbody></table>{remarks}</div>"
+            f"<div><b>{escape(self._head())}</b>{html_table(('', 'quantity', 'datasheet', 'SI'), rows)}{remarks}</div>"
         )
 
 

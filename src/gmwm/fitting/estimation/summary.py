@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import align, gap_text
+from gmwm.base.text import align, gap_text, html_table
 from gmwm.fitting.estimation.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.fitting.estimation.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.fitting.estimation.intervals import Interval, Method, confidence_intervals
@@ -246,16 +246,11 @@ def as_html(fit: Fit) -> str:
 
 def table_html(head: Sequence[str], rows: Iterable[ParameterRow], words: Iterable[str]) -> str:
     """Return HTML with a title and facts, a table of parameters with 95 % intervals, and remarks (HTML already)."""
-    cells = "".join(
-        f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
-        f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
-        for row in rows
-    )
+    cells = ((row.name, row.estimate, row.interval, row.error, row.unit) for row in rows)
     names = ("parameter", "estimate", "95 % interval", "error", "unit")
     title, *lines = head
     facts = "\n".join(lines).splitlines()
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
-        f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"
-        f"{''.join(f'<p>{text}</p>' for text in words)}</div>"
+        f"{html_table(names, cells)}{''.join(f'<p>{text}</p>' for text in words)}</div>"
     )
