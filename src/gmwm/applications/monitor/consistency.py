@@ -7,7 +7,7 @@ Applications to Tracking and Navigation, section 5.4."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -19,15 +19,16 @@ from gmwm.base.arrays import Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.results import Plotted, register
+from gmwm.base.results import register
 from gmwm.base.statistics import autocorrelation
-from gmwm.base.text import Summarised, align, duration_text
+from gmwm.base.text import align, duration_text
 from gmwm.base.units import noise_unit
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S, TRUE_CLAIM, Use, effective_noise
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, samples_in
 from gmwm.fitting.estimation.result import Fit
+from gmwm.measuring.axis_results import AxisResults
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
 from gmwm.showing.exporters.markov import biases
@@ -171,7 +172,7 @@ class AxisConsistency:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
+class Consistency(AxisResults[AxisConsistency]):
     """Claimed and real errors of filters: a mapping of axis to `AxisConsistency`.
 
     Attributes
@@ -191,15 +192,6 @@ class Consistency(Summarised, Plotted, Mapping[str, AxisConsistency]):
     duration: float
     rate: float
     level: float
-
-    def __getitem__(self, axis: str) -> AxisConsistency:
-        return self.axes[axis]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.axes)
-
-    def __len__(self) -> int:
-        return len(self.axes)
 
     def summary(self) -> str:
         """Return one line for each axis, and the reason of each axis whose filter is not consistent."""

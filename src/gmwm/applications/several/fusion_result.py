@@ -7,7 +7,7 @@ predicts w₀ᵀ b_p best."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,9 +21,10 @@ from gmwm.base.documents import plain_fields
 from gmwm.base.errors import DataError
 from gmwm.base.lazy import polars, scipy
 from gmwm.base.remarks import Dialect, Quantity, Remark, texts
-from gmwm.base.results import Plotted, Tabular, register
-from gmwm.base.text import Summarised, duration_text, p_relation, table_with_rule
+from gmwm.base.results import Tabular, register
+from gmwm.base.text import duration_text, p_relation, table_with_rule
 from gmwm.base.units import AXES
+from gmwm.measuring.axis_results import AxisResults
 from gmwm.recording.signals import Imu, Signal
 from gmwm.theory.processes.base import Process
 from gmwm.theory.statespace import StateSpace
@@ -387,7 +388,7 @@ class VirtualAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class VirtualSensor(Summarised, Plotted, Tabular, Mapping[str, VirtualAxis]):
+class VirtualSensor(AxisResults[VirtualAxis], Tabular):
     """A virtual sensor that fuses an array of sensors of the same type.
 
     A mapping of axis to its weights and noise: `virtual["gyro_x"]`.
@@ -402,18 +403,6 @@ class VirtualSensor(Summarised, Plotted, Tabular, Mapping[str, VirtualAxis]):
 
     axes: Mapping[str, VirtualAxis]
     horizon: float | tuple[float, float] | None
-
-    def __getitem__(self, axis: str) -> VirtualAxis:
-        """Return the weights and the noise of one axis."""
-        if axis not in self.axes:
-            raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
-        return self.axes[axis]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.axes)
-
-    def __len__(self) -> int:
-        return len(self.axes)
 
     def apply(self, x: Sequence[Imu] | Mapping[str, Imu | Signal | ArrayLike] | Imu, rate: float | None = None) -> Imu:
         """Fuse a recording of the same array, at rest or in motion.
