@@ -287,7 +287,11 @@ def datasheet_units(si: str) -> dict[str, float]:
 
 
 def usual_unit(si: str) -> tuple[str, float]:
-    """Return the usual datasheet unit of a coefficient and the factor from SI; the unit itself if it has none."""
+    """Return the usual datasheet unit of a coefficient and the factor from SI; the unit itself if it has none.
+
+    >>> usual_unit("rad/s/√Hz")[0], usual_unit("s")
+    ('deg/√h', ('s', 1.0))
+    """
     return next(iter(datasheet_units(si).items()), (si, 1.0))
 
 

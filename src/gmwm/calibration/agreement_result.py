@@ -298,7 +298,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on numbers that differ or were not compared, the most severe first."""
-        return tuple(remarks_of(self))
+        return tuple(sorted_remarks(_remarks(self)))
 
     def __getitem__(self, index: Any) -> Any:
         """Return a number by its index or by its name, such as "gyro_x.N"."""
@@ -345,11 +345,6 @@ def verdict_of(found: Agreement) -> Remark:
         "agreement", recordings=len(found.labels), compared=compared, differing=differing, size=found.size,
         state=state, absent=absent,
     )  # fmt: skip
-
-
-def remarks_of(found: Agreement) -> list[Remark]:
-    """Return all remarks on an agreement, the most severe first."""
-    return sorted_remarks(_remarks(found))
 
 
 def _remarks(found: Agreement) -> Iterator[Remark]:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from gmwm.applications.fleets.result import Fleet
 from gmwm.applications.fleets.statistics import FleetSamples, ParameterSample
 from gmwm.applications.fleets.statistics_result import FleetNumber, FleetStatistics
-from gmwm.applications.fleets.summary_text import shown_unit
 from gmwm.base.arrays import Vector
 from gmwm.base.errors import OptionError
 from gmwm.base.text import counted
+from gmwm.base.units import usual_unit
 from gmwm.showing.plots.axes import even_axis, limits_of, power_of, scaled_unit, value_axis
 from gmwm.showing.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.showing.plots.figure import (
@@ -91,7 +91,7 @@ def plot_fleet(fleet: Fleet, *, path: str | os.PathLike[str] | None = None) -> F
 def _panel(sensor: str, samples: Sequence[ParameterSample], statistics: FleetStatistics, units: Sequence[str]) -> Panel:
     first = samples[0]
     signed = statistics[f"{first.axis}.{first.symbol}"].signed
-    unit, factor = shown_unit(first.unit)
+    unit, factor = usual_unit(first.unit)
     power, strips = 0, _strips(samples, statistics, factor, units)
     size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
     # Smaller values have a power of ten in the label of the axis (tests/plots/test_plot_fleet.py).

@@ -81,11 +81,6 @@ LEAST_UNITS = 3
 """Least units for a spread and a prediction. With two, the 95 % interval of a spread is 0.45 to 32 times as large."""
 
 
-def remarks_of(found: FleetStatistics) -> list[Remark]:
-    """Return all remarks on the statistics of a fleet, the most severe first."""
-    return sorted_remarks(_remarks(found))
-
-
 def of_units(table: polars.DataFrame, units: int, failed: int) -> Iterator[Remark]:
     """Yield remarks on failed units, rejected models and outlying samples, from the table of a fleet."""
     if failed:
@@ -371,7 +366,7 @@ class FleetStatistics(DifferenceTests):
     @property
     def remarks(self) -> tuple[Remark, ...]:
         """Remarks on the statistics, the most severe first."""
-        return tuple(remarks_of(self))
+        return tuple(sorted_remarks(_remarks(self)))
 
     @property
     def table(self) -> polars.DataFrame:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
-from gmwm.base.units import datasheet_units, letter_of, sensor_of
+from gmwm.base.units import letter_of, sensor_of, usual_unit
 from gmwm.calibration.tables import SENSORS, bullet, wrap_text
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -77,7 +77,7 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
     heads = ["", "units", "typical", "spread", "5 % … 95 %", "further unit"]
     cells, last = [heads], ""
     for row in rows:
-        unit, factor = shown_unit(row.unit)
+        unit, factor = usual_unit(row.unit)
         if row.symbol != last:
             cells.append([f"{row.symbol} ({unit})", *[""] * (len(heads) - 1)])
             last = row.symbol
@@ -127,15 +127,6 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
     return f"{significant(low, digits)} … {significant(high, digits)}"
 
 
-def shown_unit(si: str) -> tuple[str, float]:
-    """Return the usual datasheet unit for an SI unit, or the SI unit, and the factor from SI to it.
-
-    >>> shown_unit("rad/s/√Hz")[0], shown_unit("s")
-    ('deg/√h', ('s', 1.0))
-    """
-    return next(iter(datasheet_units(si).items()), (si, 1.0))
-
-
 def _legend(found: FleetStatistics) -> str:
     symbols = dict.fromkeys(row.symbol for row in found.rows)
     named = "; ".join(f"{symbol} {law.name}" for symbol, law in LAWS.items() if symbol in symbols)
@@ -148,7 +139,7 @@ def _legend(found: FleetStatistics) -> str:
 
 
 def _outlier(outlier: OutlierUnit) -> str:
-    unit, factor = shown_unit(outlier.si)
+    unit, factor = usual_unit(outlier.si)
     relation = "; typical is"
     if outlier.times is not None:
         times = (
@@ -161,7 +152,7 @@ def _outlier(outlier: OutlierUnit) -> str:
 
 
 def _difference(difference: AxisDifference) -> str:
-    unit, factor = shown_unit(difference.unit)
+    unit, factor = usual_unit(difference.unit)
     # For a parameter with a sign, the text states the difference from the mean instead of the ratio.
     if any(value <= 0 for value in difference.relative.values()):
         apart = ", ".join(f"{axis} {significant(factor * off, 2)} {unit}" for axis, off in difference.relative.items())

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import IO, TYPE_CHECKING, Any, BinaryIO, cast
+from typing import IO, TYPE_CHECKING, Any, BinaryIO, ClassVar, cast
 
 from gmwm.base.errors import ReadError
 from gmwm.files.contract import HEAD_BYTES
@@ -43,6 +43,8 @@ class FileSource:
     """A file as a source of bytes. `str()` of a source is its name in messages."""
 
     path: Path
+    seekable: ClassVar[bool] = True
+    """Whether the end can be read without decompressing or converting everything before it."""
 
     def __str__(self) -> str:
         return str(self.path)
@@ -51,11 +53,6 @@ class FileSource:
     def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path
-
-    @property
-    def seekable(self) -> bool:
-        """Whether the end can be read without reading everything before it."""
-        return True
 
     def open(self) -> BinaryIO:
         """Open the bytes for reading."""
@@ -73,15 +70,12 @@ class FileSource:
 class CompressedSource(FileSource):
     """The bytes inside a gzip or Zstandard file. The first bytes show the compression."""
 
+    seekable = False
+
     @property
     def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.path.with_suffix("")
-
-    @property
-    def seekable(self) -> bool:
-        """False, because the end is known only after all data were decompressed."""
-        return False
 
     def open(self) -> BinaryIO:
         """Open the decompressed bytes, with limits on their number."""
@@ -98,6 +92,7 @@ class MemberSource(FileSource):
     """The bytes of one member of a zip archive."""
 
     member: str = ""
+    seekable = False
 
     def __str__(self) -> str:
         return f"{self.path}:{self.member}"
@@ -106,11 +101,6 @@ class MemberSource(FileSource):
     def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return Path(self.member)
-
-    @property
-    def seekable(self) -> bool:
-        """False, because the end is known only after all data were decompressed."""
-        return False
 
     def open(self) -> BinaryIO:
         """Open the decompressed bytes, with limits on their number."""
@@ -143,6 +133,7 @@ class ConvertedSource(FileSource):
     """The bytes of a source that are converted to a table of text while they are read."""
 
     inner: FileSource
+    seekable = False
 
     def __str__(self) -> str:
         return str(self.inner)
@@ -151,11 +142,6 @@ class ConvertedSource(FileSource):
     def unpacked_path(self) -> Path:
         """The name of the unpacked file."""
         return self.inner.unpacked_path
-
-    @property
-    def seekable(self) -> bool:
-        """False, because the text before the end must be converted first."""
-        return False
 
 
 @dataclass(frozen=True)

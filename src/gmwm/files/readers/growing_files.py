@@ -178,11 +178,7 @@ class _GrowingText(FileSource):
 
     begin: bytes
     lines: Lines | None
-
-    @property
-    def seekable(self) -> bool:
-        """False, because the end is not known yet."""
-        return False
+    seekable = False
 
     def open(self) -> BinaryIO:
         """Open the text from its first byte on."""
