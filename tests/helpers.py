@@ -1,4 +1,4 @@
-"""Assertions on errors and remarks that do not depend on their wording, loops over cases, and a reader of TOML."""
+"""Assertions on errors and remarks that do not depend on their wording, loops over cases, tables, and TOML."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gmwm.base.errors import GmwmError, GmwmWarning
 from gmwm.base.remarks import Remark
+from gmwm.recording.signals import Imu
 
 tomllib = import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
 
@@ -25,6 +28,11 @@ def device(name: str) -> Path:
     if not path.exists():
         pytest.skip(f"{name} is not at hand")
     return path
+
+
+def table(imu: Imu) -> NDArray[np.float64]:
+    """The values of a recording, with a column for each axis."""
+    return np.column_stack([imu[axis].values for axis in imu])
 
 
 def each(names: str | tuple[str, ...], cases: Iterable[Any]) -> Callable[[Any], Any]:

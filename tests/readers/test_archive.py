@@ -13,7 +13,7 @@ from gmwm.base.remarks import Remark
 from gmwm.files.formats import byte_sources
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.readers import find_reader, read
-from tests.helpers import only, raises
+from tests.helpers import only, raises, table
 
 VALUES = np.random.default_rng(6).normal(size=(200, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 START = 1_718_030_736_872_695_300
@@ -38,10 +38,6 @@ def zipped(folder, **tables):
         for name, text in tables.items():
             archive.writestr(name.replace("__", "/") + ".csv", text)
     return path
-
-
-def table(imu):
-    return np.column_stack([imu[axis].values for axis in imu])
 
 
 GYRO, ACCEL = slice(0, 3), slice(3, 6)

@@ -10,16 +10,12 @@ from gmwm.base.errors import GmwmError, ReadError
 from gmwm.files.formats import text
 from gmwm.files.formats.byte_sources import PackedError, zstd_library
 from gmwm.files.readers import find_reader, read
-from tests.helpers import raises
+from tests.helpers import raises, table
 
 VALUES = np.random.default_rng(2).normal(size=(3000, 2))
 ROWS = "".join(f"{k / 100:.2f},{gx!r},{ay!r}\n" for k, (gx, ay) in enumerate(VALUES.tolist()))
 PLAIN = f"time [s],gx [rad/s],ay [m/s2]\n{ROWS}".encode()
 PACK = {".gz": gzip.compress, ".zst": zstd_library().compress}
-
-
-def table(imu):
-    return np.column_stack([imu[axis].values for axis in imu])
 
 
 def saved(folder, content, suffix, name="a.csv"):

@@ -12,15 +12,11 @@ from gmwm.base.errors import GmwmError, ReadError, UnitError
 from gmwm.base.units import AXES
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.readers import find_reader, read
-from tests.helpers import device, only, raises
+from tests.helpers import device, only, raises, table
 
 VALUES = np.random.default_rng(8).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 TIME = np.arange(60) / 200
 UNITS = {"gyro": "rad/s", "accel": "m/s2"}
-
-
-def table(imu):
-    return np.column_stack([imu[axis].values for axis in imu])
 
 
 def newer(path, content):
@@ -162,6 +158,6 @@ def test_a_recording_of_a_device_is_read_as_its_library_does(suffix):
     imu = read(path)
     assert only(imu.remarks, "unit-named:unit", "gyro").facts == {"case": "unit", "unit": "rad/s", "source": "file"}
     assert imu.rate == pytest.approx(2000 / 7)
-    for sensor, table in (("gyro", content["imu_gyr"]), ("accel", content["imu_acc"])):
+    for sensor, array in (("gyro", content["imu_gyr"]), ("accel", content["imu_acc"])):
         for k, axis in enumerate("xyz"):
-            np.testing.assert_array_equal(imu[f"{sensor}_{axis}"].values, table[:, k])
+            np.testing.assert_array_equal(imu[f"{sensor}_{axis}"].values, array[:, k])

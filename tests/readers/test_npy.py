@@ -14,15 +14,11 @@ from gmwm.files.formats import arrays
 from gmwm.files.formats.byte_sources import PackedError
 from gmwm.files.formats.npy import PicklesError
 from gmwm.files.readers import find_reader, read
-from tests.helpers import only, raises
+from tests.helpers import only, raises, table
 
 VALUES = np.random.default_rng(3).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 TIME = 10**18 + 5_000_000 * np.arange(60)
 UNITS = {"gyro": "rad/s", "accel": "m/s2"}
-
-
-def table(imu):
-    return np.column_stack([imu[axis].values for axis in imu])
 
 
 def npz(folder, name="a.npz", packed=False, **content):

@@ -10,7 +10,7 @@ import pytest
 from gmwm.base.errors import DataError, GmwmWarning, OptionError, ReadError, UnitError
 from gmwm.files.formats import text
 from gmwm.files.readers import read
-from tests.helpers import only, raises
+from tests.helpers import only, raises, table
 
 UNITS = ("s", *["rad/s"] * 3, *["m/s^2"] * 3)
 NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
@@ -26,10 +26,6 @@ def saved(folder: Path, content: str | bytes, name="static.csv") -> Path:
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
-
-
-def table(imu):
-    return np.column_stack([imu[axis].values for axis in imu])
 
 
 PLAIN = ",".join(HEADER) + "\n"
