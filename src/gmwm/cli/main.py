@@ -397,7 +397,7 @@ def manual(context: Any) -> str:
     program = context.command
     title, *paragraphs = program.help.split("\n\n")
     lines = [
-        f'.TH GMWM 1 "" "gmwm {__version__}" "User Commands"', ".SH NAME", f"gmwm \\- {_escaped(title)}",
+        f'.TH GMWM 1 "" "gmwm {__version__}" "User Commands"', ".SH NAME", f"gmwm \\- {_escape(title)}",
         ".SH SYNOPSIS", ".B gmwm", r"\fICOMMAND\fR [\fIOPTIONS\fR]", ".SH DESCRIPTION",
         *_paragraphs(paragraphs), *_options(program, context), ".SH COMMANDS",
     ]  # fmt: skip
@@ -409,30 +409,30 @@ def manual(context: Any) -> str:
 def _command(command: Any, parent: Any) -> Iterator[str]:
     context = type(parent)(command, info_name=command.name, parent=parent)
     usage = " ".join(command.collect_usage_pieces(context))
-    yield f".SS {_escaped(f'gmwm {command.name} {usage}')}"
+    yield f".SS {_escape(f'gmwm {command.name} {usage}')}"
     yield from _paragraphs((command.help or "").split("\n\n"))
     yield from _options(command, context)
     heading, *examples = (command.epilog or "").split("\n\n")
     if examples:
-        yield from (".PP", _escaped(heading), ".nf", *(f"  {_escaped(example)}" for example in examples), ".fi")
+        yield from (".PP", _escape(heading), ".nf", *(f"  {_escape(example)}" for example in examples), ".fi")
 
 
 def _options(command: Any, context: Any) -> Iterator[str]:
     for parameter in command.get_params(context):
         names, text = parameter.get_help_record(context) or ("", "")
         if names:
-            yield from (".TP", rf"\fB{_escaped(names)}\fR", _escaped(one_line(text)))
+            yield from (".TP", rf"\fB{_escape(names)}\fR", _escape(one_line(text)))
 
 
 def _paragraphs(texts: list[str]) -> Iterator[str]:
     for text in texts:
-        yield from (".PP", _escaped(one_line(text)))
+        yield from (".PP", _escape(one_line(text)))
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """Escape what troff would interpret: backslashes, hyphens, and a dot or an apostrophe at the start of a line.
 
-    >>> print(_escaped(".imu with --json"))
+    >>> print(_escape(".imu with --json"))
     \\&.imu with \\-\\-json
     """
     escaped = text.replace("\\", r"\e").replace("-", r"\-")

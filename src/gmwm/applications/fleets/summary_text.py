@@ -28,13 +28,13 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     failures = f", {len(fleet.failed)} failed" if fleet.failed else ""
     parts = [wrap_text(f"Fleet of {counted(len(fleet.units), 'unit')}: {good} calibrated{runs}{failures}")]
     failed = [f"{unit}: {why}" for unit, why in fleet.failed.items()]
-    parts.append(_listed(f"Failed ({counted(len(failed), 'unit')}):", failed))
-    parts.append(_listed(f"No recordings, left out ({counted(len(fleet.left_out), 'file')}):", fleet.left_out))
+    parts.append(_entries(f"Failed ({counted(len(failed), 'unit')}):", failed))
+    parts.append(_entries(f"No recordings, left out ({counted(len(fleet.left_out), 'file')}):", fleet.left_out))
     parts += _parts(fleet.statistics, fleet.remarks, dialect)
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
-def _listed(title: str, entries: Sequence[str]) -> list[str]:
+def _entries(title: str, entries: Sequence[str]) -> list[str]:
     """Return a title and the first entries; nothing without entries."""
     shown = [line for entry in entries[:MOST_UNITS_LISTED] for line in bullet(entry)]
     more = [f"- and {len(entries) - MOST_UNITS_LISTED} more"] if len(entries) > MOST_UNITS_LISTED else []

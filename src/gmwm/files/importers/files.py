@@ -265,7 +265,7 @@ class Format:
         return numbers[0] if numbers else None
 
 
-def _required(document: ParameterFile, key: str, unit: str = "") -> list[float]:
+def _require_numbers(document: ParameterFile, key: str, unit: str = "") -> list[float]:
     """Return the numbers of a key that every file has."""
     numbers = document.numbers(key, unit)
     if numbers is None:
@@ -333,7 +333,7 @@ def _imu_utils(document: ParameterFile, rate: float | None) -> Found:
 
 def _kf_gins(document: ParameterFile, rate: float | None) -> Found:
     """Read a file of KF-GINS, in deg/√h, m/s/√h, deg/h, mGal and h. The bias is a Gauss-Markov process."""
-    time = 3600.0 * _required(document, "corrtime")[0]
+    time = 3600.0 * _require_numbers(document, "corrtime")[0]
     sizes = {"arw": _DEGREE / 60, "vrw": 1 / 60, "gbstd": _DEGREE / 3600, "abstd": 1e-5}
     axes: Found = {}
     values = {key: _three(document, key) for key in sizes}
@@ -346,7 +346,7 @@ def _kf_gins(document: ParameterFile, rate: float | None) -> Found:
 
 
 def _three(document: ParameterFile, key: str, unit: str = "") -> list[float]:
-    return each_axis(_required(document, key, unit), key)
+    return each_axis(_require_numbers(document, key, unit), key)
 
 
 def _white(document: ParameterFile, key: str, unit: str = "") -> list[float]:

@@ -255,25 +255,25 @@ class JsonFile(TwoNumbers):
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Return the lines of the JSON document without its head."""
-        return json.dumps(_rounded(self.content(noise)), indent=2).splitlines()
+        return json.dumps(_round_numbers(self.content(noise)), indent=2).splitlines()
 
     def layout(self, head: Sequence[str], noise: Noise, notes: Sequence[str]) -> str:
         """Return the text of the JSON document with its head and its notes."""
         lines = {HEAD: commented(shortened(head), ""), NOTES: commented_notes(notes, "")}
         texts = {key: [line.strip() for line in each] for key, each in lines.items()}
-        content = _rounded(self.content(noise))
+        content = _round_numbers(self.content(noise))
         entries = (
             [(HEAD, texts[HEAD]), *content.items()] if self.head_first else [*content.items(), (HEAD, texts[HEAD])]
         )
         return json.dumps(dict([*entries, (NOTES, texts[NOTES])]), indent=2, allow_nan=False) + "\n"
 
 
-def _rounded(value: Any) -> Any:
+def _round_numbers(value: Any) -> Any:
     """Round all numbers of a document to seven digits, as in the other formats."""
     if isinstance(value, Mapping):
-        return {key: _rounded(item) for key, item in value.items()}
+        return {key: _round_numbers(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_rounded(item) for item in value]
+        return [_round_numbers(item) for item in value]
     return float(f"{value:.7g}") if isinstance(value, float) else value
 
 

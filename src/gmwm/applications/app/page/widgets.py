@@ -152,7 +152,7 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
             raise PreventUpdate
         try:
             session = desk.session(data)
-            content = draw(session, desk.workspace(page), width) if session.file else _closed(place)
+            content = draw(session, desk.workspace(page), width) if session.file else _closed_text(place)
         except Exception as error:
             content = failure(error)
         new = hashlib.sha256(str(to_json_plotly(content)).encode()).hexdigest()
@@ -165,7 +165,7 @@ def draws(app: Dash, desk: Desk, *, tab: str, place: str, draw: Draw) -> None:
     )(draw_place)  # fmt: skip
 
 
-def _closed(place: str) -> Any:
+def _closed_text(place: str) -> Any:
     """Return what a page element shows while no recording is open. Each tab has one text."""
     if place not in ("curves", "fit", "numbers", "preview"):
         return []
