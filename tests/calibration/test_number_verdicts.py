@@ -129,11 +129,11 @@ def test_a_trend_within_the_intervals_names_no_number(calibration):
     sheet = calibration.datasheets["gyro_x"]
     facts = {"size": Quantity(1.0, "deg/h"), "left": 99.9}
     curve = Remark.of("trend", "gyro_x", case="curve", **facts, numbers=tuple(s for s in ("K", "B") if s in sheet))
-    inspection = SimpleNamespace(remarks=(curve,))
+    inspection = SimpleNamespace(remarks=(curve,), source="a.csv")
     (remark,) = recording_remarks(inspection, calibration.axes)
     assert (code_of(remark), remark.severity, remark.facts["numbers"]) == ("trend:small", Severity.INFO, ())
     strong = replace(curve, facts={**curve.facts, "left": 10.0})
-    (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,)), calibration.axes)
+    (remark,) = recording_remarks(SimpleNamespace(remarks=(strong,), source="a.csv"), calibration.axes)
     assert (code_of(remark), remark.severity) == ("trend:curve", Severity.WRONG)
 
 
@@ -166,3 +166,28 @@ def test_every_table_marks_a_number_that_must_not_be_used():
     assert [line[0] for line in table if "(do not use)" in line] == refused
     content = json.loads(found.export(format="json"))
     assert {symbol: verdict["use"] for symbol, verdict in content["use"]["gyro_x"].items()} == uses
+
+
+@pytest.mark.parametrize("subject", ["gyro_x in tuesday", "gyro in tuesday", "tuesday", "gyro_y in tuesday"])
+def test_a_remark_on_one_of_several_recordings_counts_for_its_axes(calibration, subject):
+    steps = Remark.of("level-steps", subject, case="settles", parts=("9 s to 99 s",), ranges=((9.0, 99.0),))
+    days = replace(calibration, recording_remarks=(steps,), recordings=dict.fromkeys(("monday", "tuesday")))
+    usable = days.number_verdicts["gyro_x"]["K"].usability
+    assert usable is (Usability.USE if "gyro_y" in subject else Usability.BOUND)
+
+
+def test_a_remark_on_all_axes_of_a_calibration_counts_for_its_axes_in_a_combination(calibration):
+    imu = gmwm.simulate({"accel_x": "WN(sigma2=2e-5)"}, rate=100.0, samples=60_000, rng=1)
+    repeated = Remark.of("rows-repeated", count=100)
+    both = replace(calibration, recording_remarks=(repeated,)).combined(gmwm.calibrate(imu, "WN"))
+    used = {axis: verdicts["N"].usability.value for axis, verdicts in both.number_verdicts.items()}
+    assert used == {"gyro_x": "do not use", "accel_x": "use"}
+
+
+@pytest.mark.parametrize(("source", "count"), [("log.csv", 0), ("l*.csv", 0), ("other.csv", 1)])
+def test_a_remark_on_the_file_counts_for_all_its_axes(calibration, source, count):
+    rate = Quantity(90.0, "Hz")
+    remark = Remark.of("rate-ambiguous", "log.csv", case="complete", every=10, rate=rate, other=Quantity(100.0, "Hz"))
+    found = tuple(recording_remarks(SimpleNamespace(remarks=(remark,), source=source), calibration.axes))
+    uses = replace(calibration, recording_remarks=found).number_verdicts["gyro_x"].values()
+    assert sum(verdict.usability is Usability.USE for verdict in uses) == 3 * count

@@ -28,7 +28,7 @@ from gmwm.calibration.number_verdicts import with_verdict_limits
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.passes import Execution
 from gmwm.calibration.recording_findings import recording_remarks
-from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.recording_info import Recording, of_recording
 from gmwm.calibration.rest import bias_at_rest
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.choosing.datasheets import Datasheet, datasheet, model_datasheet, with_limits
@@ -314,7 +314,7 @@ def _recording_remarks(
             if all(remark in others for others in by_recording.values()):
                 yield remark
             else:
-                yield remark.about(f"{remark.subject} in {name}" if remark.subject else name)
+                yield remark.about(of_recording(remark.subject, name))
 
 
 class _Progress:

@@ -33,7 +33,10 @@ def combine(calibrations: Sequence[Calibration]) -> Calibration:
         descriptions = calibration.recordings if calibration.recording is None else {name: calibration.recording}
         for key, value in descriptions.items():
             recordings[key if key not in recordings else f"{key} ({len(recordings) + 1})"] = value
-        remarks += [remark if remark.subject else remark.about(name) for remark in calibration.recording_remarks]
+        for remark in calibration.recording_remarks:
+            # A remark on all axes of one calibration is none on those of the others.
+            whole = list(calibration.axes) if remark.message.spoils or remark.message.raises else [name]
+            remarks += [remark] if remark.subject else [remark.about(subject) for subject in whole]
     return replace(
         first,
         axes={

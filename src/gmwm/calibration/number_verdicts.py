@@ -10,6 +10,7 @@ from typing import Any
 
 from gmwm.base.remarks import Remark, Severity, sorted_remarks
 from gmwm.base.units import sensor_of
+from gmwm.calibration.recording_info import of_recording
 from gmwm.calibration.result import Calibration
 from gmwm.choosing.datasheets import Entry
 
@@ -64,7 +65,9 @@ def number_verdicts(calibration: Calibration) -> dict[str, dict[str, NumberVerdi
     remarks = sorted_remarks(calibration.remarks)
     verdicts: dict[str, dict[str, NumberVerdict]] = {}
     for axis, result in calibration.axes.items():
-        of_axis = [remark for remark in remarks if remark.subject in ("", axis, sensor_of(axis))]
+        subjects = ("", axis, sensor_of(axis))
+        about = {*subjects, *(of_recording(subject, name) for subject in subjects for name in calibration.recordings)}
+        of_axis = [remark for remark in remarks if remark.subject in about]
         verdicts[axis] = {symbol: verdict_of_number(entry, of_axis) for symbol, entry in result.datasheet.items()}
     for axis in calibration.failed:
         reason = next(remark for remark in remarks if remark.subject == axis)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
 from typing import Any
 
 from gmwm.base.remarks import Quantity, Remark
@@ -25,6 +26,9 @@ def recording_remarks(inspection: Inspection, axes: Mapping[str, AxisCalibration
     for remark in inspection.remarks:
         if remark.code == "knocks":
             continue
+        # A remark on a file, or on one of the files of a pattern, counts for all axes.
+        if remark.subject == inspection.source or fnmatchcase(remark.subject, inspection.source):
+            remark = remark.about("")
         axis_calibration = axes.get(remark.subject)
         if axis_calibration is not None and _is_modelled(remark, axis_calibration.fit):
             continue

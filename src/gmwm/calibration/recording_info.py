@@ -65,3 +65,8 @@ class Recording(Documented):
         temperature = values["temperature"]
         pair = None if temperature is None else (float(temperature[0]), float(temperature[1]))
         return cls(**{**values, "temperature": pair})
+
+
+def of_recording(subject: str, name: str) -> str:
+    """Return the subject of a remark, an axis, a sensor or nothing, with the name of the recording that it is about."""
+    return f"{subject} in {name}" if subject else name
