@@ -15,6 +15,7 @@ from gmwm.base.remarks.rendering import cases
 from gmwm.calibration.number_verdicts import Usability, affected, as_limit, verdict_of_number
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.choosing.datasheets import Entry
+from gmwm.showing.reports.content import report_data
 from tests.helpers import code_of
 
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
@@ -164,6 +165,8 @@ def test_every_table_marks_a_number_that_must_not_be_used():
     assert "✗: do not use." in " ".join(found.summary(details=True).split())
     table = found.export(format="latex").splitlines()
     assert [line[0] for line in table if "(do not use)" in line] == refused
+    shown = {row["symbol"]: row["mark"] for row in report_data(found)["axes"][0]["numbers"]}
+    assert [symbol for symbol in shown if shown[symbol] == "✗" and symbol in "NKB"] == refused
     content = json.loads(found.export(format="json"))
     assert {symbol: verdict["use"] for symbol, verdict in content["use"]["gyro_x"].items()} == uses
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pkgutil import resolve_name
@@ -17,6 +17,7 @@ from gmwm.base.remarks import Dialect, texts
 from gmwm.base.text import p_relation, p_text, round_fixed, round_text, version
 from gmwm.base.units import by_sensor, find_unit, parse_unit
 from gmwm.calibration.findings import certificate_of, rejected_axes
+from gmwm.calibration.number_verdicts import NumberVerdict
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.summary_text import extent_text, legend, model_words, outliers_word, rows_of, short_legend
 from gmwm.calibration.tables import SENSORS
@@ -175,7 +176,9 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         drawn = _pictures(axis)
         pictures |= {f"{kind}{k}": variants for kind, variants in drawn.items()}
         names = {kind: f"{kind}{k}" if kind in drawn else "" for kind in PICTURES}
-        axes.append({"id": f"axis{k}", **names, **_axis(name, axis, name in misfits)})
+        axes.append(
+            {"id": f"axis{k}", **names, **_axis(name, axis, name in misfits, calibration.number_verdicts[name])}
+        )
     return {
         "title": title_of(calibration),
         "extent": extent_text(calibration),
@@ -234,7 +237,7 @@ def _settings(calibration: Calibration) -> Facts:
     ]  # fmt: skip
 
 
-def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
+def _axis(name: str, axis: AxisCalibration, rejected: bool, verdicts: Mapping[str, NumberVerdict]) -> dict[str, Any]:
     fit, ranking = axis.fit, axis.ranking
     # The table marks the recommended and equivalent models. A model is rejected by the test for all axes.
     hidden = ("model", "equal") if rejected else ("model", "equal", "ranking")
@@ -244,7 +247,10 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "title": axis_title(name),
         "model": fit.model.structure,
         "words": model_words(fit.model),
-        "numbers": [_number(e) for e in (*axis.datasheet.entries, *(axis.rest.entries if axis.rest else ()))],
+        "numbers": [
+            _number(entry, verdicts.get(entry.symbol))
+            for entry in (*axis.datasheet.entries, *(axis.rest.entries if axis.rest else ()))
+        ],
         "parameters": _parameters(axis),
         "test": _test(axis, rejected),
         "rejected": rejected,
@@ -300,14 +306,15 @@ def _certificate(fit: Fit) -> str:
     return "" if remark is None else remark.text(Dialect.PYTHON)
 
 
-def _number(entry: Entry) -> dict[str, Any]:
-    """Return a datasheet number as text in its usual unit, in the SI unit, and in other units."""
+def _number(entry: Entry, verdict: NumberVerdict | None) -> dict[str, Any]:
+    """Return a number as text in its usual unit, in the SI unit, and in other units, and ✗ if it is refused."""
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
         "symbol": entry.name,
         "title": entry.title + at,
         "datasheet": entry.text(usual),
+        "mark": verdict.usability.mark if verdict and verdict.refused else "",
         "si": entry.text("si"),
         "also": [_short(entry, unit) for unit in other],
     }

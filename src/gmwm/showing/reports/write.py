@@ -143,7 +143,8 @@ def template(name: str) -> Any:
     )
     templates.filters["worded"] = _code_as_html
     templates.filters["breakable"] = lambda text: _ours(escape(text).replace("+", "+<wbr>").replace(" ", "&nbsp;"))
-    templates.filters["rendered"] = _ours  # Remarks are already HTML, in which text from files is escaped.
+    # Remarks are already HTML, in which text from files is escaped.
+    templates.filters["rendered"] = lambda text: _ours(text.replace(" %", "&nbsp;%"))
     templates.filters["trusted"] = _ours
     return templates.get_template(name)
 

@@ -40,11 +40,12 @@
     for (const [name, axis] of Object.entries(layout)) {
       if (printing && name.startsWith("yaxis") && axis.title) axis.title.font = { size: 7 };
     }
+    if (printing) for (const text of layout.annotations ?? []) text.font.size = size;
     return {
       ...layout,
       width, height: (printing ? (width > printed.half ? 150 : 104) : width < 620 ? 240 : 330) + foot, autosize: false,
       margin: { l: printing ? 48 : 64, r: 14, t: printing ? 16 : 26, b: foot, pad: 0 },
-      font: { family: font, size: printing ? 10 : 12, color: "#1b1f24" },
+      font: { family: font, size: printing ? 8 : 12, color: "#1b1f24" },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       hovermode: "closest", dragmode: false, hoverlabel: { align: "left", bgcolor: "#ffffff", font: { size: 13 } },
       legend: { orientation: "h", maxheight: 1000, x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
