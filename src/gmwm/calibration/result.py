@@ -539,7 +539,9 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         from gmwm.applications.navigation.api import budget
 
         errors = budget(self, duration, rest=rest, latitude=latitude, level=level)
-        causes = tuple(dict.fromkeys(r.message.cause for r in self.remarks if r.severity <= Severity.WRONG))
+        refused = {one.reason for of_axis in self.number_verdicts.values() for one in of_axis.values() if one.refused}
+        wrong = (r for r in self.remarks if r.severity <= Severity.WRONG or r in refused)
+        causes = tuple(dict.fromkeys(remark.message.cause for remark in wrong))
         return (
             replace(errors, remarks=(Remark.of("budget-of-wrong", causes=causes), *errors.remarks))
             if causes
