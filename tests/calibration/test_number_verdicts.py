@@ -163,6 +163,8 @@ def test_every_table_marks_a_number_that_must_not_be_used():
     rows = [line.split() for line in found.summary(details=True).splitlines()]
     assert [row[0] for row in rows if row and row[0] in "NKB" and row[-1] == "✗"] == refused
     assert "✗: do not use." in " ".join(found.summary(details=True).split())
+    compared = gmwm.agree([found, found], labels=["a", "b"]).summary()
+    assert [line.strip()[0] for line in compared.splitlines() if line.count("✗") == 2] == refused
     table = found.export(format="latex").splitlines()
     assert [line[0] for line in table if "(do not use)" in line] == refused
     shown = {row["symbol"]: row["mark"] for row in report_data(found)["axes"][0]["numbers"]}

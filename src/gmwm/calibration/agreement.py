@@ -113,9 +113,10 @@ def agree(
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
+    refused = _where(calibrations, names, _refused)
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
-        failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
+        failed=failures, refused=refused, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
     )  # fmt: skip
 
 
@@ -156,6 +157,12 @@ def _where(
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
             recordings[axis] = (*recordings.get(axis, ()), name)
     return recordings
+
+
+def _refused(calibration: Calibration) -> list[str]:
+    """Return the names of the numbers that must not be used."""
+    verdicts = calibration.number_verdicts.items()
+    return [f"{axis}.{symbol}" for axis, of_axis in verdicts for symbol, one in of_axis.items() if one.refused]
 
 
 def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:

@@ -95,7 +95,7 @@ def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
     """Format the number in recording `k`, or the reason why there is none."""
     entry = row.entries[k]
     if entry is not None:
-        return number(entry)
+        return number(entry) + (" ✗" if found.labels[k] in found.refused.get(f"{row.axis}.{row.symbol}", ()) else "")
     return _NONE if found.models[row.axis][k] is not None else _why_absent(found, row.axis, k)
 
 
@@ -108,7 +108,8 @@ def _legend(found: Agreement) -> str:
     named = key(entry for entry in shown if entry is not None)
     return (
         f"{named}. N, K, Q and B are compared whatever the models are; numbers of a single recording are left out. "
-        f"±, +a/−b, a … b: confidence interval; ≤: upper limit; {_NONE}: not in the model. "
+        f"±, +a/−b, a … b: confidence interval; ≤: upper limit; {'✗: do not use; ' if found.refused else ''}"
+        f"{_NONE}: not in the model. "
         f"{_SAME}: no difference found; {_OTHER}: they differ by more than chance. p: adjusted by Holm's method."
     )
 
@@ -250,6 +251,8 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         Names of the recordings in which the axis could not be calibrated.
     sensors : tuple of SensorFactors
         Tests of N and K of all axes of a sensor together.
+    refused : mapping of str to tuple of str
+        Names of the recordings in which a number, such as "gyro_x.N", must not be used.
     """
 
     labels: tuple[str, ...]
@@ -260,6 +263,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     unmatched: tuple[str, ...] = ()
     failed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sensors: tuple[SensorFactors, ...] = ()
+    refused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def compared(self) -> tuple[SharedNumber, ...]:
@@ -312,9 +316,9 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     def __iter__(self) -> Iterator[SharedNumber]:
         return iter(self.rows)
 
-    def summary(self) -> str:
-        """Return the comparison as text of at most 80 columns, with numbers in datasheet units, and remarks."""
-        return summary(self)
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Return the comparison as text of at most 80 columns: numbers in datasheet units, remarks in a `dialect`."""
+        return summary(self, dialect)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the comparison as plain values for JSON."""

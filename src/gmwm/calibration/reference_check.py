@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Remark, texts
+from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import Named, Summarised, round_text, table_with_rule
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
 from gmwm.calibration.number_verdicts import Usability
@@ -174,9 +174,9 @@ class ReferenceCheck(Documented, Summarised):
                 names = tuple(f"{row.symbol} of {row.axis}" for row in rows)
                 yield Remark.of("reference-factor", numbers=names, factor=factor, cause=cause, rate=self.rate)
 
-    def summary(self) -> str:
-        """Return the comparison as text, with the ratio and the verdict of each number."""
-        return _summary(self)
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Return the comparison as text, with the ratio and the verdict of each number, and remarks in a `dialect`."""
+        return _summary(self, dialect)
 
 
 def check_reference(calibration: Calibration, reference: ReferenceLike, *, horizon: float = 1.0) -> ReferenceCheck:
@@ -304,7 +304,7 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
     return None
 
 
-def _summary(found: ReferenceCheck) -> str:
+def _summary(found: ReferenceCheck, dialect: Dialect) -> str:
     """Return the text of `ReferenceCheck.summary`."""
     verdict, *others = found.remarks
     in_file = any(row.key for row in found)
@@ -314,10 +314,10 @@ def _summary(found: ReferenceCheck) -> str:
     about = f"Reference: {found.name} ({found.format})." if in_file else "Reference: numbers of a datasheet."
     if in_file:
         about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
-    parts = [about, *texts(others)]
+    parts = [about, *texts(others, dialect)]
     if found.unmatched:
         parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
-    paragraphs = [wrap_text(texts([verdict])[0]), table_with_rule(rows), *map(wrap_text, parts)]
+    paragraphs = [wrap_text(texts([verdict], dialect)[0]), table_with_rule(rows), *map(wrap_text, parts)]
     return "\n\n".join("\n".join(lines) for lines in paragraphs)
 
 

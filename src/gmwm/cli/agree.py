@@ -8,6 +8,7 @@ from pathlib import Path
 import gmwm
 from gmwm import Calibration
 from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.output import Outcome, plot_file, progress
@@ -61,7 +62,9 @@ def agree(
             raise OptionError("--plot draws several calibrations", argument="plot", got=plot, advice="Leave it out.")
         checked = calibrations[0].agree(references, horizon=parse_length(horizon, "horizon"))
         return Outcome(
-            command="agree", document={"files": [str(files[0])], **checked.to_dict()}, text=checked.summary()
+            command="agree",
+            document={"files": [str(files[0])], **checked.to_dict()},
+            text=checked.summary(Dialect.SHELL),
         )
     if not isinstance(references, dict):
         references = _of_axes(references, calibrations[0])
@@ -70,8 +73,8 @@ def agree(
     names = label or (None if len(recordings) == len(files) else names_of(files))
     agreement = gmwm.agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
-        command="agree", document={"files": list(map(str, files)), **agreement.to_dict()}, text=agreement.summary(),
-        files=plot_file(plot, lambda path: agreement.plot(path=path)),
+        command="agree", document={"files": list(map(str, files)), **agreement.to_dict()},
+        text=agreement.summary(Dialect.SHELL), files=plot_file(plot, lambda path: agreement.plot(path=path)),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import typer
 
 from gmwm.applications.navigation import LATITUDE, Budget
 from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.model_source import calibration_in, noise_of
@@ -65,7 +66,7 @@ def budget(
 
     errors = budget_of(source)
     document = {"source": source, **errors.to_dict()}
-    text = errors.summary()
+    text = errors.summary(Dialect.SHELL)
     if against is not None:
         if against == source:
             raise OptionError(argument="against", expected="another source", got=against)

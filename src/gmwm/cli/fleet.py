@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.applications.fleets.result import FILE, TABLE
 from gmwm.base.errors import DataError, OptionError
 from gmwm.base.extras import is_installed
-from gmwm.base.remarks import Remark
+from gmwm.base.remarks import Dialect, Remark
 from gmwm.base.threads import processors
 from gmwm.calibration.options import SEARCHED
 from gmwm.cli.calibrate import calibration_helpers, calibration_options
@@ -99,7 +99,7 @@ def fleet(
             f"none of {len(result.units)} units can be calibrated; the first one is {unit}: {reason}",
             advice="Check its recording with {gmwm info}.",
         )
-    summary = result.summary()
+    summary = result.summary(Dialect.SHELL)
     done = (output / FILE, output / TABLE)
     files = (
         text_file(output / "summary.txt", summary + "\n"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import gmwm
 from gmwm.base.errors import OptionError
+from gmwm.base.remarks import Dialect
 from gmwm.base.time_base import parse_length
 from gmwm.cli.command import command
 from gmwm.cli.measuring import tell_inspection
@@ -57,7 +58,7 @@ def joint(
         joint_fit = gmwm.fit_joint(model, signals, levels=parse_levels(levels), certify=time)
     tell_inspection(recording)
     return Outcome(
-        command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(),
+        command="joint", document={"file": str(file), **joint_fit.to_dict()}, text=joint_fit.summary(Dialect.SHELL),
         files=plot_file(plot, lambda path: joint_fit.plot(path=path)),
     )  # fmt: skip
 

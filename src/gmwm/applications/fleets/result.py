@@ -15,7 +15,7 @@ from gmwm.applications.fleets.unit_job import PART, RUN_AGAIN, Row, UnitOptions,
 from gmwm.base.atomic_files import read_json, write_text
 from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.lazy import polars
-from gmwm.base.remarks import Remark, sorted_remarks
+from gmwm.base.remarks import Dialect, Remark, sorted_remarks
 from gmwm.base.results import Plotted, register
 from gmwm.base.text import Summarised, printable, version
 from gmwm.calibration.document import FORMAT as CALIBRATION
@@ -381,11 +381,11 @@ class Fleet(Summarised, Plotted):
     def __contains__(self, unit: object) -> bool:
         return unit in self.paths and unit not in self.failed
 
-    def summary(self) -> str:
-        """Describe the fleet in text: number of units, failed units, tables, outliers and remarks."""
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Describe the fleet in text: number of units, failed units, tables, outliers, and remarks in a `dialect`."""
         from gmwm.applications.fleets import summary_text
 
-        return summary_text.summary(self)
+        return summary_text.summary(self, dialect)
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:

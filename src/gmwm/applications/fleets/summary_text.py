@@ -21,7 +21,7 @@ _NONE = "–"
 MOST_UNITS_LISTED = 10  # largest number of failed units and of outliers that a summary lists
 
 
-def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
+def summary(fleet: Fleet, dialect: Dialect) -> str:
     """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
     good = len(fleet.units) - len(fleet.failed)
     runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.arrays import Booleans, FrozenArrays, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import OptionError
-from gmwm.base.remarks import Remark, texts
+from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
 from gmwm.base.text import Summarised, align, duration_text
 from gmwm.choosing.datasheets.entry import significant
@@ -122,10 +122,10 @@ class Budget(Summarised, Plotted, Tabular, Mapping[str, Growth]):
         """Times of the errors (s), as a (T,) array. The last time is the duration."""
         return next(iter(self.values())).times
 
-    def summary(self) -> str:
-        """Return the budget as text: the final errors with their largest terms, and the errors at several times."""
-
-        return summary(self)
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Return the budget as text: the final errors with their largest terms, the errors at several times, and the
+        remarks in a `dialect`."""
+        return summary(self, dialect)
 
     def compare(self, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
         """Return a table that compares this budget with an `other`: the errors at the end, and their ratios.
@@ -170,7 +170,7 @@ _KINDS = {
 """Columns of the table of errors over time. A column shows the largest of the errors in its list."""
 
 
-def summary(budget: Budget) -> str:
+def summary(budget: Budget, dialect: Dialect) -> str:
     """Return the text of `Budget.summary`."""
     growths = budget.growths.values()
     interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
@@ -183,7 +183,7 @@ def summary(budget: Budget) -> str:
         title = f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
         lines += ["", title, *_alignment(budget)]
     lines += ["", *method(budget)]
-    return "\n".join([*lines, *texts(budget.remarks)])
+    return "\n".join([*lines, *texts(budget.remarks, dialect)])
 
 
 def headline(budget: Budget) -> str:

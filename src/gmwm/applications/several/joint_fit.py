@@ -20,7 +20,7 @@ from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import MissingTheoryError, OptionError
 from gmwm.base.lazy import scipy
-from gmwm.base.remarks import Remark, texts
+from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Plotted, register
 from gmwm.base.text import Named, Summarised, gap_text, p_relation, table_with_rule
 from gmwm.fitting.estimation.goodness import GoodnessOfFit
@@ -367,8 +367,8 @@ class JointFit(Summarised, Plotted):
     def _shareable(self) -> tuple[str, ...]:
         return tuple(term.label for term in self.settled.problem.terms if term.kind == "shared")
 
-    def summary(self) -> str:
-        """Format the parameters, the correlations of shared terms with their intervals, and the tests."""
+    def summary(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """Format the parameters, the correlations of shared terms, the tests, and the remarks in a `dialect`."""
         head = f"Joint fit of {', '.join(self.axes)}: {self.model}"
         rows, processes = [["", *self.axes, "unit"]], self.settled.problem.processes(self.settled.estimate.u)
         units = set(self.units.values())
@@ -395,7 +395,7 @@ class JointFit(Summarised, Plotted):
                     pairs.append([f"{self.axes[a]}, {self.axes[b]}", f"{self.correlation[term][a, b]:+.2f}", limits])
             lines += ["", *table_with_rule(pairs)]
         if self.remarks:
-            lines += ["", *texts(self.remarks)]
+            lines += ["", *texts(self.remarks, dialect)]
         tests = [f"Test of the model: {self.goodness_of_fit().summary()}"]
         tests += [self.shared(term).summary() for term in self._shareable]
         if self.lower_bound is not None:
