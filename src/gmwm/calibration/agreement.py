@@ -113,7 +113,7 @@ def agree(
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
-    refused = _where(calibrations, names, _refused)
+    refused = _where(calibrations, names, _refusals)
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
         failed=failures, refused=refused, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
@@ -159,7 +159,7 @@ def _where(
     return recordings
 
 
-def _refused(calibration: Calibration) -> list[str]:
+def _refusals(calibration: Calibration) -> list[str]:
     """Return the names of the numbers that must not be used."""
     verdicts = calibration.number_verdicts.items()
     return [f"{axis}.{symbol}" for axis, of_axis in verdicts for symbol, one in of_axis.items() if one.refused]
