@@ -365,6 +365,7 @@ def test_the_summary_has_units_failures_outliers_and_remarks():
     assert "and 3 more" in flat
     assert "2.csv, gyro_x N:" in flat
     assert "deg/√h" in flat
+    assert "N white noise density of a filter" in flat
     assert only(remarks, "not-calibrated:fleet").facts == {"case": "fleet", "failed": 13, "units": 33}
     assert only(remarks, "model-rejected:fleet").facts == {"case": "fleet", "rejected": 60, "tested": 60}
     assert "outliers-found:fleet" not in codes(remarks)

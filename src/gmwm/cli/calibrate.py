@@ -136,9 +136,10 @@ def calibrate(
     """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
     gmwm searches for the model, or compares all models that are part of --within. Of the models that the data cannot
-    distinguish from the best one, gmwm uses the simplest. N is the angle or velocity random walk, B the bias
-    instability, K the rate random walk, R the rate ramp and Q the quantization noise. T_c and q_c are the correlation
-    time and amplitude of Gauss-Markov processes; f_b, f_r and Q_r describe the filter and the resonance of the sensor.
+    distinguish from the best one, gmwm uses the simplest. N and K are the white noise density and the random
+    walk of a filter, B the bias instability, R the ramp and Q the quantization noise. T_c and q_c are the correlation
+    time and the driving noise density of Gauss-Markov processes; f_b, f_r and Q_r describe the filter and the resonance
+    of the sensor.
 
     If a file has gyroscopes and accelerometers in two topics with different clocks, both are calibrated.
     If several files are given, they must be recordings of one unit. Each axis then gets one model, fitted to all

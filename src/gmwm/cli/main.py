@@ -300,7 +300,7 @@ gmwm fits a sum of noise processes to the wavelet variance, which is half the Al
 Wavelet Moments). A recording is a file with data of gyroscopes, accelerometers or both, in one of many formats.
 
 With --json, a command prints its result as JSON on stdout and everything else on stderr. Exit codes: 0 success,
-2 error (one line on stderr), 130 interrupted by Ctrl-C, 143 terminated (SIGTERM),
+1 at least one event (gmwm monitor), 2 error (one line on stderr), 130 interrupted by Ctrl-C, 143 terminated (SIGTERM),
 129 terminal closed (SIGHUP)."""
 
 

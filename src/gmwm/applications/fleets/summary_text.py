@@ -10,6 +10,7 @@ from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
 from gmwm.base.units import letter_of, sensor_of, usual_unit
 from gmwm.calibration.tables import SENSORS, bullet, wrap_text
+from gmwm.choosing.datasheets.effective import TITLES
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
 
@@ -21,7 +22,7 @@ _NONE = "–"
 MOST_UNITS_LISTED = 10  # largest number of failed units and of outliers that a summary lists
 
 
-def summary(fleet: Fleet, dialect: Dialect) -> str:
+def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
     """Write the number of units, failures, tables, outliers and remarks, with at most 80 characters per line."""
     good = len(fleet.units) - len(fleet.failed)
     runs = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
@@ -129,7 +130,10 @@ def _span(low: float | None, high: float | None, factor: float) -> str:
 
 def _legend(found: FleetStatistics) -> str:
     symbols = dict.fromkeys(row.symbol for row in found.rows)
-    named = "; ".join(f"{symbol} {law.name}" for symbol, law in LAWS.items() if symbol in symbols)
+    titles = {symbol: law.name for symbol, law in LAWS.items()} | {
+        symbol: title for symbol, (title, _) in TITLES.items()
+    }
+    named = "; ".join(f"{symbol} {title}" for symbol, title in titles.items() if symbol in symbols)
     return (
         f"{named + '. ' if named else ''}units: number of values, and of upper limits (≤), which are not compared. "
         "typical, spread and further unit are without outliers. spread: standard deviation between units, without "

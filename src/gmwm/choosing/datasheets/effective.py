@@ -78,7 +78,7 @@ TRUE_CLAIM = (0.8, 1.3)
 
 WHITE, WALK = 0.5, -0.5  # powers of time in the units of N and K
 
-_TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
+TITLES = {"N": ("white noise density of a filter", WHITE), "K": ("random walk of a filter", WALK)}
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def true_times(fits: Sequence[Fit], white: float, walk: float) -> tuple[float, f
 def changes_by_curve(fit: Fit) -> dict[str, float]:
     """Return the factor, at least 1, by which the measured curve changes N and K of the model; {} if it does not."""
     (numbers, of_model), _ = _numbers(fit, Use())
-    pairs = {symbol: (getattr(numbers, symbol), getattr(of_model, symbol)) for symbol in _TITLES}
+    pairs = {symbol: (getattr(numbers, symbol), getattr(of_model, symbol)) for symbol in TITLES}
     return {
         symbol: max(here / there, there / here)
         for symbol, (here, there) in pairs.items()
@@ -225,7 +225,7 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
     numbers, errors = _numbers(fit, use)
     z, entries = NormalDist().inv_cdf((1 + level) / 2), {}
     ends = [] if errors is None else _numbers_at_ends(fit, use, z)
-    for symbol, (title, power) in _TITLES.items():
+    for symbol, (title, power) in TITLES.items():
         unit, factor = noise_unit(power, fit.wavelet_variance.unit)
         value, *others = (factor * float(getattr(each, symbol)) for each in (*numbers, *ends))
         low: float | None = value
@@ -331,7 +331,7 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
-        return dict.fromkeys(_TITLES, _Error(0.0, 0.0, held=False))
+        return dict.fromkeys(TITLES, _Error(0.0, 0.0, held=False))
     changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
     before, after = (
         numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * step)))[1] for sign in (-1.0, 1.0)
