@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm.applications.fleets.unit_job import rows_of
 from gmwm.base.remarks import Quantity, Remark, Severity
 from gmwm.base.remarks.registry import messages
 from gmwm.base.remarks.rendering import cases
@@ -165,6 +166,8 @@ def test_every_table_marks_a_number_that_must_not_be_used():
     assert "✗: do not use." in " ".join(found.summary(details=True).split())
     compared = gmwm.agree([found, found], labels=["a", "b"]).summary()
     assert [line.strip()[0] for line in compared.splitlines() if line.count("✗") == 2] == refused
+    (row,) = rows_of("a", "a.csv", found)
+    assert [symbol for symbol in "NKB" if symbol in row and row[f"{symbol}_high"] is None] == refused
     table = found.export(format="latex").splitlines()
     assert [line[0] for line in table if "(do not use)" in line] == refused
     shown = {row["symbol"]: row["mark"] for row in report_data(found)["axes"][0]["numbers"]}

@@ -21,6 +21,7 @@ from gmwm.base.text import counted, printable
 from gmwm.base.threads import require_threads
 from gmwm.calibration.calibrate_recordings import calibrate_recording
 from gmwm.calibration.document import as_text
+from gmwm.calibration.number_verdicts import NumberVerdict
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.tables import in_order
@@ -35,7 +36,7 @@ _INFINITE = "Infinity"
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     """Return a row for each axis of a unit, also without calibration: `<symbol>`, `<symbol>_low`, `<symbol>_high` and
-    `<symbol>_unit` in SI. For an upper limit, the value is None."""
+    `<symbol>_unit` in SI. For an upper limit, the value is None; for a number that must not be used, the limits too."""
     base: Row = {
         "unit": unit,
         "file": printable(path),
@@ -44,7 +45,7 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     if found.recording is not None:
         base |= {name: getattr(found.recording, name) for name in ("sha256", "samples", "rate", "duration")}
     rows = [
-        base | {"axis": axis, "status": "calibrated", **_of_axis(axis_result)}
+        base | {"axis": axis, "status": "calibrated", **_of_axis(axis_result, found.number_verdicts[axis])}
         for axis, axis_result in found.axes.items()
     ]
     return rows + [base | {"axis": axis, "status": "failed", "reason": why} for axis, why in found.failed.items()]
@@ -69,7 +70,7 @@ def from_plain(row: Mapping[str, Any]) -> Row:
     return {name: math.inf if value == _INFINITE else value for name, value in row.items()}
 
 
-def _of_axis(found: AxisCalibration) -> Row:
+def _of_axis(found: AxisCalibration, verdicts: Mapping[str, NumberVerdict]) -> Row:
     fit = found.fit
     row: Row = {
         "model": fit.model.structure,
@@ -80,10 +81,10 @@ def _of_axis(found: AxisCalibration) -> Row:
     }
     for symbol, entry in found.datasheet.items():
         bound = entry.upper_only
-        row[symbol] = None if bound else entry.value
-        row[f"{symbol}_low"] = 0.0 if bound else entry.low
-        row[f"{symbol}_high"] = entry.high
-        row[f"{symbol}_unit"] = entry.unit
+        row |= dict.fromkeys((symbol, f"{symbol}_low", f"{symbol}_high")) | {f"{symbol}_unit": entry.unit}
+        if not verdicts[symbol].refused:
+            row[symbol] = None if bound else entry.value
+            row |= {f"{symbol}_low": 0.0 if bound else entry.low, f"{symbol}_high": entry.high}
     return row
 
 
