@@ -266,6 +266,6 @@ def _reasons(calibration: Calibration, verdicts: Verdicts, dialect: Dialect) -> 
 
 
 def _first_sentence(remarks: Iterable[Remark], dialect: Dialect) -> str:
-    """Return the first sentence of the text on some remarks. It names their axes only if it needs them."""
+    """Return the first sentence of each text on some remarks. It names their axes only if it needs them."""
     named = [r if "{subjects}" in r.message.sentence_for(r.facts) else r.about("") for r in remarks]
-    return " ".join(SENTENCE_ENDS.split(text)[0] for text in texts(named, dialect)[:1])
+    return " ".join(SENTENCE_ENDS.split(text)[0] for text in texts(named, dialect))
