@@ -137,6 +137,13 @@ def test_block_means_find_the_same_scales(monkeypatch, segments):
         assert abs(whole[level].correlation - blocks[level].correlation) < 0.1
 
 
+def test_changes_of_the_mean_at_a_gap_are_no_shared_noise():
+    values = arrays(np.random.default_rng(8), axes=AXES[:3])
+    for x in values.values():
+        x[8_000:] += 20 * np.std(x)
+    assert not shared_noise(signals(values, segments=[(0, 8_000), (8_000, SAMPLES)], starts=[0.0, 86_400.0]))
+
+
 def test_block_means_by_hand():
     signal = Signal(np.arange(100.0), RATE, "rad/s", "gyro_x", segments=[(0, 41), (41, 48), (48, 100)])
     found = block_means(signal, 2)

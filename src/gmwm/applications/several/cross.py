@@ -426,13 +426,14 @@ def block_means(signal: Signal, k: int) -> Signal:
 
 
 def _detrended(signals: Mapping[str, Signal], threads: int | None) -> dict[str, Signal]:
-    """Subtract the least-squares line from each of the signals, which are synchronous."""
-    count = len(next(iter(signals.values())))
-    time = np.arange(count) - (count - 1) / 2
+    """Subtract a line from each of the signals, which are synchronous: one slope, and the mean of each segment. Means
+    often change at a gap, and a line through such changes would be a ramp that all axes share."""
+    segments = next(iter(signals.values())).segments
+    time = np.concatenate([np.arange(end - begin) - (end - begin - 1) / 2 for begin, end in segments])
 
     def of_axis(_: str, signal: Signal) -> Signal:
-        values = signal.values - signal.values.mean()
-        values -= time * (float(time @ values) / (count * (count**2 - 1) / 12))
+        values = np.concatenate([part - part.mean() for part in signal.segment_values()])
+        values -= time * (float(time @ values) / float(time @ time))
         return replace(signal, values=freeze(values))
 
     return in_threads(of_axis, signals, threads=threads)
