@@ -87,7 +87,7 @@ def test_a_misfit_far_beyond_the_averaging_time_of_a_filter_leaves_k(calibration
     sheet = calibration.datasheets["gyro_x"]
     tau = Quantity(multiple * sheet["N"].value / sheet["K"].value, "s")
     numbers = (*affected(("K", "B"), tau.value, sheet), "slow terms")
-    misfit = Remark.of("coarse-misfit", "gyro_x", tau=tau, ratio=5.0, side="below", numbers=numbers)
+    misfit = Remark.of("coarse-misfit", "gyro_x", case="below", tau=tau, ratio=5.0, numbers=numbers)
     verdicts = replace(calibration, recording_remarks=(misfit,)).number_verdicts["gyro_x"]
     assert verdicts["K"].usability.value == usability
     assert verdicts["B"].usability is Usability.DO_NOT_USE

@@ -231,21 +231,24 @@ def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
 
 def _of_coarse_levels(axis: str, axis_calibration: AxisCalibration) -> Iterator[Remark]:
     """Yield a remark if the model is farther from the data at the coarsest scales than chance explains."""
-    wv, misfit = axis_calibration.fit.wavelet_variance, axis_calibration.misfit
-    if misfit is None:
+    fit, wv = axis_calibration.fit, axis_calibration.fit.wavelet_variance
+    if axis_calibration.misfit is None:
         return
-    far = implausible_levels(axis_calibration.fit) & in_any_recording(axis_calibration, implausible_levels)
+    distance = np.log(np.maximum(fit.implied, 1e-300) / wv.variance)
+    # A ramp has no scatter, so that any distance from it is implausible, even one that does not matter.
+    far = implausible_levels(fit) & in_any_recording(axis_calibration, implausible_levels)
+    far &= np.abs(distance) > CLOSE_MISFIT
     if not np.any(far) or _is_within_limit(axis_calibration, far):
         return
-    worst = int(
-        np.argmax(np.where(far, np.abs(np.log(np.maximum(axis_calibration.fit.implied, 1e-300) / wv.variance)), 0.0))
-    )
-    ratio, tau = float(axis_calibration.fit.implied[worst] / wv.variance[worst]), float(wv.tau[worst])
-    yield Remark.of(
-        "coarse-misfit", axis, tau=Quantity(tau, "s"), ratio=max(ratio, 1 / ratio),
-        side="above" if ratio > 1 else "below",
-        numbers=(*affected(("K", "B"), tau, axis_calibration.datasheet), "slow terms"),
-    )  # fmt: skip
+    below = far & (distance < 0)
+    worst = int(np.argmax(np.where(below if np.any(below) else far, np.abs(distance), 0.0)))
+    tau = float(wv.tau[worst])
+    numbers = affected(("K", "B"), tau, axis_calibration.datasheet)
+    # Slow noise that the data do not have makes numbers too large, not too small.
+    named: dict[str, Fact] = {"case": "above", "limits": numbers}
+    if np.any(below):
+        named = {"case": "below", "numbers": (*numbers, "slow terms")}
+    yield Remark.of("coarse-misfit", axis, tau=Quantity(tau, "s"), ratio=math.exp(abs(distance[worst])), **named)
 
 
 def _is_within_limit(axis_calibration: AxisCalibration, levels: NDArray[np.bool_]) -> bool:

@@ -20,7 +20,7 @@ MEMORIES_OF_FILTER = 30.0
 error falls with the squared frequency (tests/calibration/test_number_verdicts.py)."""
 OF_FILTER = ("N", "K")  # symbols of the numbers of a filter
 OF_FIT = ("model-misfit", "coarse-misfit")  # remarks on the difference between the model and the data
-_ALL, _FACTS = "all", "facts"
+_ALL = "all"
 _SHORT = frozenset({*MAIN, "R", "Q", "T_c", "q_c"})  # symbols that a remark can name
 _SIZES = frozenset({*MAIN, "R", "Q", "q_c"})
 """Symbols of numbers that are sizes of noise, so that they can be upper limits."""
@@ -128,11 +128,10 @@ def _short(entry: Entry) -> str:
 
 
 def _touches(remark: Remark, symbols: tuple[str, ...], symbol: str) -> bool:
-    if _FACTS in symbols:
-        numbers = remark.facts.get("numbers")
-        named = tuple(map(str, numbers)) if isinstance(numbers, tuple) else ()
+    named = [str(name) for fact in symbols if isinstance(names := remark.facts.get(fact), tuple) for name in names]
+    if named:
         # A phrase stands for all numbers of the axis.
-        symbols = named if not named or _SHORT.intersection(named) else (_ALL,)
+        symbols = tuple(named) if _SHORT.intersection(named) else (_ALL,)
     return _ALL in symbols or symbol in symbols
 
 

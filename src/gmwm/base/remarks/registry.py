@@ -76,8 +76,7 @@ class Message:
 
     `sentence` and `advice` are templates; `{subjects}` are otherwise written before the sentence, each with `detail` in
     parentheses. `meaning` (Markdown) and `examples` (facts of each case) are for the documentation. `raises` and
-    `spoils` are symbols of numbers that are upper limits or wrong: "all", or "facts" for those in the fact
-    `numbers`."""
+    `spoils` are symbols of numbers that are upper limits or wrong, "all", or the name of a fact with the symbols."""
 
     code: str
     section: str
