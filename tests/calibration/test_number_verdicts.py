@@ -17,7 +17,7 @@ from gmwm.calibration.number_verdicts import Usability, affected, as_limit, verd
 from gmwm.calibration.recording_findings import recording_remarks
 from gmwm.choosing.datasheets import Entry
 from gmwm.showing.reports.content import report_data
-from tests.helpers import code_of
+from tests.helpers import code_of, only
 
 WALK = Entry(symbol="K", title="random walk", value=2.0, low=1.6, high=2.5, unit="rad/s/√s")
 
@@ -58,6 +58,17 @@ def test_a_trend_makes_a_bound_unless_its_effect_is_within_the_interval():
     assert verdict_of_number(WALK, [small]).usability is Usability.USE
     white = replace(WALK, symbol="N")
     assert verdict_of_number(white, [large]).usability is Usability.USE
+
+
+def test_a_ramp_that_noise_describes_as_well_makes_k_a_bound():
+    noise = np.random.default_rng(3).normal(size=40_000) + 1e-5 * np.arange(40_000)
+    found = gmwm.calibrate(gmwm.Signal(1e-3 * noise, 20.0, "rad/s", "gyro_x"), "WN + DR")
+    assert only(found.remarks, "drift:drift").facts["numbers"] == ("K",)
+    axis = found.axes["gyro_x"]
+    entries = tuple(as_limit(entry) if entry.symbol == "R" else entry for entry in axis.datasheet.entries)
+    limited = replace(found, axes={"gyro_x": replace(axis, datasheet=replace(axis.datasheet, entries=entries))})
+    assert limited.number_verdicts["gyro_x"]["K"].usability is Usability.BOUND
+    assert only(limited.remarks, "drift:possible").facts["rate"].value > 0
 
 
 def test_a_limit_is_the_upper_end_of_the_interval():

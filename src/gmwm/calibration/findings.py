@@ -172,10 +172,13 @@ def _of_axis(
     yield from _of_coarse_levels(axis, axis_calibration)
     yield from _of_outliers(axis, axis_calibration, calibration)
     ramp = axis_calibration.datasheet.get(_RAMP)
-    if ramp is not None and ramp.value and not ramp.upper_only:
-        value, _, _, unit = ramp.in_units("datasheet")
+    if ramp is not None and ramp.value:
         numbers = (WALK,) if _is_raised_by_ramp(axis_calibration) else ()
-        yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit), numbers=numbers)
+        value, _, high, unit = ramp.in_units("datasheet")
+        if not ramp.upper_only:
+            yield Remark.of("drift", axis, case="drift", rate=Quantity(value, unit), numbers=numbers)
+        elif numbers and high is not None:
+            yield Remark.of("drift", axis, case="possible", rate=Quantity(high, unit), numbers=numbers)
     yield from oscillations_in_n(axis, axis_calibration.fit)
     yield from spectrum_remarks(axis, axis_calibration)
     time = markov_instead_of_walk(axis_calibration.datasheet, axis_calibration.ranking)
