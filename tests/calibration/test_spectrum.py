@@ -7,7 +7,7 @@ import gmwm
 from gmwm.base.remarks import Severity
 from gmwm.calibration.findings import _oscillators, line_share, oscillations_in_n
 from gmwm.measuring.spectrum import Line
-from tests.helpers import code_of
+from tests.helpers import code_of, only
 
 RATE, SAMPLES = 100.0, 60_000
 
@@ -59,6 +59,13 @@ def test_a_resonance_is_named():
     (remark,) = [remark for remark in found.remarks if remark.code == "resonance-found"]
     assert remark.facts["frequencies"][0].value == pytest.approx(20, rel=0.03)
     assert remark.facts["widths"][0].value == pytest.approx(2, rel=0.2)
+
+
+def test_a_slow_oscillation_has_one_remark():
+    model = "WN(sigma2=1e-6) + OSC(frequency=0.2, quality=5, sigma2=2e-7)"
+    found = gmwm.calibrate(gmwm.simulate({"gyro_x": model}, rate=20.0, samples=60_000, rng=2))
+    only(found.remarks, "lines:oscillation", "gyro_x")
+    assert "resonance-found" not in codes(found)
 
 
 def test_an_oscillator_beside_a_ramp_has_a_height():

@@ -108,6 +108,8 @@ def test_frozen_samples_are_gaps_and_a_dead_start_is_left_out(step):
     x[:900] = 0.0
     (part,) = repaired(_imu(x))
     assert {"fault-undone:dead"} <= _codes(part)
+    # The dead start is not counted a second time.
+    assert only(part.remarks, "fault-undone:frozen").facts["longest"].value == pytest.approx(1.0, abs=0.05)
     assert part["gyro_x"].start == pytest.approx(9.0, abs=0.02)
     assert len(part) == pytest.approx(x.size - 900 - np.count_nonzero(frozen), abs=20)
 

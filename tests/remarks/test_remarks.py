@@ -123,6 +123,20 @@ def test_remarks_that_differ_in_what_is_said_of_all_stay_apart():
     assert [len(group) for group in merged([remarks[0], remarks[0].about("gyro_z")])] == [2]
 
 
+def test_a_disturbance_of_all_axes_is_one_text():
+    """The five texts of a terminal were those of five axes with one jump at nearly the same time."""
+    jumps = {"case": "jumps", "count": 1, "size": Quantity(20.6, "deg/h")}
+    pulses = {"case": "pulses", "numbers": ("N",)}
+    for code, facts, name, values in (
+        ("fault-undone", jumps, "places", (("1429 s",), ("1446 s",))),
+        ("outliers-found", pulses, "taus", ((Quantity(2.56, "s"),), (Quantity(1.28, "s"),))),
+    ):
+        remarks = [Remark.of(code, axis, **facts, **{name: value}) for axis, value in zip("xy", values, strict=True)]
+        (text,) = texts(remarks)
+        assert "x (" in text
+        assert "y (" in text
+
+
 def test_a_terminal_shows_five_remarks_and_counts_the_others():
     remarks = [Remark.of("stamps-irregular", f"file {k}.csv", case="repeated", count=k) for k in range(1, 10)]
     lines = brief(remarks, rest="report.html")

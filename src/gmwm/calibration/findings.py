@@ -379,7 +379,10 @@ def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
         yield _lines(axis, found, lines)
     peaks = [(bump.frequency, bump.width, bump.height) for bump in spectrum.bumps]
     peaks += (peak for peak in _oscillators(found.fit) if all(abs(peak[0] - f) > width for f, width, _ in peaks))
-    if peaks:
+    rate = found.fit.wavelet_variance.rate
+    # A slow oscillation of the model has its own remark, with other causes than a mount.
+    slow = [process.oscillation() or 0.0 for process in found.fit.model.processes if not Use().contains(process, rate)]
+    if peaks := [peak for peak in peaks if all(abs(peak[0] - f) > peak[1] for f in slow)]:
         frequencies, widths, heights = zip(*peaks, strict=True)
         yield Remark.of(
             "resonance-found", axis, frequencies=tuple(Quantity(frequency, "Hz") for frequency in frequencies),

@@ -93,16 +93,16 @@ class Repair:
         )
         a, b = first - window.first, stop - window.first
         self._all += b - a
-        left_out = np.zeros(b - a, dtype=np.bool_)
+        left_out = np.arange(first, stop) < plan.dead
+        alive = ~left_out
         for name, mask in masks.items():
             new = mask[a:b] & ~left_out
             self._counts[name] += int(np.count_nonzero(new))
             if name == "frozen":
-                lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~mask[a:b], [True]]))) - 1
+                lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~(mask[a:b] & alive), [True]]))) - 1
                 lengths[0] += self._frozen[1]  # of a run that began before
                 self._frozen = max(self._frozen[0], int(np.max(lengths))), int(lengths[-1])
             left_out |= new
-        left_out[: max(plan.dead - first, 0)] = True
         numbers = first + np.flatnonzero(~left_out)
         if numbers.size:
             runs = self._divided(numbers, window)
