@@ -105,6 +105,13 @@ def test_a_window_beside_a_motion_belongs_to_it_at_twice_the_usual_deviation(fac
     assert remark.facts["ranges"] == ((98.0, end),)
 
 
+def test_a_motion_ends_with_the_recording():
+    values = ALTERNATING.copy()
+    values[-500:] *= 8.0
+    remark = only(inspect(Imu.from_arrays({"gyro_x": values}, RATE)).remarks, "recording-moved:moved")
+    assert remark.facts["ranges"][0][1] == values.size / RATE
+
+
 @pytest.mark.parametrize("samples", [64, 100, 130, 200, 300])
 def test_a_short_recording_at_rest_is_not_moved(samples):
     for seed in range(8):

@@ -275,7 +275,7 @@ def motion_of(
             since, until = map(float, extent.times([first, last - 1]))
             window = min(until - since, (windows[a][1] - windows[a][0]) / extent.rate)
             spans.append(_widened(since, until, window, knocks))
-    return Motion(spans=_joined(spans), ratios=ratios, still=still)
+    return Motion(spans=tuple((a, min(b, extent.end)) for a, b in _joined(spans)), ratios=ratios, still=still)
 
 
 def level_change(sums: AxisStatistics, motion: Motion, extent: Extent) -> tuple[float, float] | None:

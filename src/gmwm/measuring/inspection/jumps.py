@@ -91,11 +91,12 @@ def jumps_of(
             place = first + index
             at_gap = (jump.until is None or not jump.possible) and extent.has_short_gap(place, jump_reach(part, size))
             time = float(extent.times([place])[0])
+            until = None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate
             steps.append(
                 Step(
                     time=time, axis=axis, size=size, times=float(np.sqrt(jump.gain)),
                     at_gap=at_gap, index=place, possible=jump.possible,
-                    until=None if jump.until is None else time + (jump.until - jump.place) * length / extent.rate,
+                    until=None if until is None else min(until, extent.end),
                 )
             )  # fmt: skip
     return sorted(steps, key=lambda step: step.index)

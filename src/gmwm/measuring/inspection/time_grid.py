@@ -46,6 +46,12 @@ class Extent:
         """Index ranges between the gaps that are too long to fill. Means and outliers do not depend on shorter gaps."""
         return joined_ranges(self.rate, self.segments, self.starts) if self.gaps_known else self.segments
 
+    @property
+    def end(self) -> float:
+        """Time (s) at which the last sample ends."""
+        first, last = self.segments[-1]
+        return self.starts[-1] + (last - first) / self.rate
+
     def has_short_gap(self, index: int, reach: float) -> bool:
         """Return whether a gap that may be filled is at most `reach` samples from the sample with this index."""
         short = np.setdiff1d([first for first, _ in self.segments], [first for first, _ in self.unbroken])
