@@ -127,6 +127,33 @@ def test_intervals_of_few_recordings_hold_for_any_spread(count, spread):
     assert np.count_nonzero(np.abs(x.mean(axis=1)) <= half) >= 274
 
 
+@pytest.mark.parametrize("error", [3.0, 100.0])
+def test_a_less_precise_recording_widens_the_interval_no_more_than_an_equal_one(error):
+    """300 pairs: the interval was wider by the ratio of the errors, and it still holds for a spread of one error."""
+    rng = np.random.default_rng(8)
+    s = np.array([1.0, error])
+    widths = [half_widths(x * s, np.tile(s**2, (300, 1))) for x in (rng.normal(size=(300, 2)), np.zeros((300, 2)))]
+    equal = half_widths(rng.normal(size=(300, 2)), np.ones((300, 2)))
+    assert np.median(widths[0]) < 1.4 * np.median(equal)
+    assert widths[1] == pytest.approx(1.959964 / np.hypot(1, 1 / error))
+    x = np.hypot(1.0, s) * rng.normal(size=(300, 2))
+    means = x @ (1 / s**2) / np.sum(1 / s**2)
+    assert np.count_nonzero(np.abs(means) <= half_widths(x, np.tile(s**2, (300, 1)))) >= 274
+    apart = np.tile([0.0, 20 * error], (1, 1))  # a significant difference widens it by itself
+    assert half_widths(apart, s[None] ** 2)[0] > 6 * 0.9 * 20 * error
+
+
+def test_a_short_recording_does_not_spoil_the_limits_of_a_long_one():
+    """Two minutes beside an hour at 50 Hz: the limit of K was infinite or ten times K, and N was known to 10 %."""
+    for seed in range(3):
+        long, short = noise(seed, samples=180_000, walk=1e-6), noise(10 + seed, samples=3000, walk=1e-6)
+        alone, both = (gmwm.fit("WN + RW", x) for x in (signals(long)[0], signals(long, short)))
+        first, pair = alone.datasheet(), both.datasheet()
+        assert pair["K"].high < 2 * first["K"].high
+        assert pair["B"].high < 1.5 * first["B"].high
+        assert pair["N"].high / pair["N"].low < (first["N"].high / first["N"].low) ** 8
+
+
 def test_the_filter_gets_the_mean_or_the_highest_noise(different):
     found = different.replicates
     mean, high = found.for_filter(), found.for_filter("high")

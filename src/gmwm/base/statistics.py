@@ -95,9 +95,11 @@ def prediction_limits(
     return low, high
 
 
-def confidence_of_mean(x: Matrix, s2: Matrix, confidence: float) -> tuple[Vector, Vector]:
+def confidence_of_mean(
+    x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None
+) -> tuple[Vector, Vector]:
     """Return confidence limits of μ in the same way; for zero errors, they are the t interval μ̂ ± t_{n−1} τ̂ / √n."""
-    candidates = [(at.mean, at.error) for at in _over_spreads(x, s2, None)]
+    candidates = [(at.mean, at.error) for at in _over_spreads(x, s2, freedom)]
     means, sizes = (np.array(each) for each in zip(*candidates, strict=True))
     low, high = (_mixture_cdf(means, sizes, _SHARES, share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
     return low, high

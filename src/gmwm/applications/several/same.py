@@ -29,7 +29,7 @@ from gmwm.choosing.replicates.comparison import (
 )
 from gmwm.fitting.estimation.estimator import fit
 from gmwm.fitting.estimation.intervals import parameters_by_name
-from gmwm.fitting.estimation.recordings import LONGEST_SHAPE_STEP, Deviations, deviations
+from gmwm.fitting.estimation.recordings import LONGEST_STEP, Deviations, deviations
 from gmwm.measuring.covariance.tails import excess_covariance, with_common_tails
 from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import SAME_RATE_DIFFERENCE, pool
@@ -446,6 +446,6 @@ def _on_logarithm(step: float, precision: float, scale: bool) -> tuple[float, fl
     """Return log parameter over pool and its error, or None; curves are linear in variances, so one step is exact."""
     size = 1.0 + step if scale else 1.0
     error = 1 / math.sqrt(precision) / size if size > 0 else math.inf
-    if error > LONGEST_SHAPE_STEP or abs(step) > LONGEST_SHAPE_STEP:
+    if error > LONGEST_STEP or abs(step) > LONGEST_STEP:
         return None
     return (math.log(size) if scale else step), error

@@ -24,7 +24,7 @@ from gmwm.choosing.datasheets.effective import (
 )
 from gmwm.choosing.datasheets.entry import Datasheet, Entry
 from gmwm.choosing.datasheets.limits import measurable, plausible
-from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, is_weak
+from gmwm.fitting.estimation.intervals import Interval, confidence_intervals, is_weak, upper_reach
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.recording.options import as_confidence
@@ -243,14 +243,19 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
     """Return a number's interval: ±z standard errors on a logarithmic scale, or a linear one if it has a sign."""
-    found = judged.fit.sandwich
+    found, scale = judged.fit.sandwich, process.scale_parameter()
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
-    reach = judged.z * math.sqrt(max(float(g @ found.relative[np.ix_(place, place)] @ g), 0.0))
+    total, own = (
+        judged.z * math.sqrt(max(float(g @ errors.relative[np.ix_(place, place)] @ g), 0.0))
+        for errors in (found, found.sampling)
+    )
     if number.signal_power and process.scale_parameter().domain == "real":
-        return number.value - reach * abs(number.value), number.value + reach * abs(number.value)
-    factor = math.exp(min(reach, 700.0))
-    return number.value / factor, number.value * factor if math.isfinite(reach) else math.inf
+        return number.value - total * abs(number.value), number.value + total * abs(number.value)
+    power = number.slopes[scale.name] / (scale.scale_power or 1) if number.slopes.keys() == {scale.name} else None
+    above = upper_reach(total, own, power)
+    high = number.value * math.exp(min(above, 700.0)) if math.isfinite(above) else math.inf
+    return number.value / math.exp(min(total, 700.0)), high
 
 
 def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:

@@ -17,6 +17,7 @@ from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.units import noise_unit
 from gmwm.choosing.datasheets.entry import Entry
 from gmwm.choosing.datasheets.limits import WIDEST_INTERVAL, allan_limit
+from gmwm.fitting.estimation.intervals import upper_reach
 from gmwm.fitting.estimation.linearised import COLLINEAR_SINGULAR_VALUE, columns_of, relative_jacobian
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.estimation.weighting import square_root
@@ -184,16 +185,17 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     )  # fmt: skip
     if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), remark
-    if z is None or curve is None:
+    if z is None or curve is None or judged is None:
         return entry, remark
-    reach = math.exp(min(0.5 * z * curve.error(curve.slopes([n])[:, 0]) / least, UNBOUNDED_HALF_WIDTH))
+    total, own = (0.5 * z * c.error(c.slopes([n])[:, 0]) / least for c in (curve, judged))
+    below, above = (math.exp(min(d, UNBOUNDED_HALF_WIDTH)) for d in (total, upper_reach(total, own, 0.5)))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = fit.model.allan_variance(np.left_shift(1, wv.levels - 1), wv.rate) / fit.model.wavelet_variance(
             wv.levels, wv.rate, wv.filter
         )
-    high = max(value, min(value * reach, factor * math.sqrt(allan_limit(wv, ratio))))
+    high = max(value, min(value * above, factor * math.sqrt(allan_limit(wv, ratio))))
     if remark is None or bounded is None:
-        return replace(entry, low=value / reach, high=high), None
+        return replace(entry, low=value / below, high=high), None
     measured = _of_data(wv, model, lines, n)
     if measured is not None and factor * measured > high:
         high = factor * measured

@@ -29,6 +29,7 @@ from gmwm.choosing.datasheets.filter_numbers import (
 )
 from gmwm.choosing.datasheets.limits import hidden, measurable
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
+from gmwm.fitting.estimation.intervals import upper_reach
 from gmwm.fitting.estimation.result import GIVEN, Fit
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
@@ -236,11 +237,12 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         elif value > 0:
             reach = errors[symbol]
             upper_only = z * min(reach.scales, reach.all) >= 1 or min(others[1:], default=value) == 0
-            by = math.exp(min(0.5 * z * reach.all, UNBOUNDED_HALF_WIDTH))
+            total, own = 0.5 * z * reach.all, 0.5 * z * reach.own
+            below, above = (math.exp(min(d, UNBOUNDED_HALF_WIDTH)) for d in (total, upper_reach(total, own, 0.5)))
             least, most = min(value, others[0]), max(value, others[0])
             if symbol == "N":
                 least = min(least, factor * _white_without_flanks(fit, use, numbers[0]))
-            low, high = min(least / by, *others), max(most * by, *others)
+            low, high = min(least / below, *others), max(most * above, *others)
             if upper_only:
                 low, high = 0.0, max(most * math.sqrt(1 + z * reach.all), *others)
         entries[symbol] = Entry(
@@ -280,10 +282,12 @@ def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Proc
 
 @dataclass(frozen=True)
 class _Error:
-    """Standard errors of ln N² or ln K² by all parameters, and by scales only: a number may be zero if both are large,
-    because the error of a correlation time alone does not make it doubtful. `held` if no parameter was estimated."""
+    """Standard errors of ln N² or ln K² by all parameters, without the spread between recordings (`own`), and by scales
+    only: a number may be zero if both are large, because the error of a correlation time alone does not make it
+    doubtful. `held` if no parameter was estimated."""
 
     all: float
+    own: float
     scales: float
     held: bool
 
@@ -293,7 +297,8 @@ class _Error:
         if value == 0:
             return self
         curve = math.hypot(*(2 * (getattr(each, symbol) / value - 1) for each in moved))
-        return replace(self, all=math.hypot(self.all, curve), scales=math.hypot(self.scales, curve))
+        every, own, scales = (math.hypot(error, curve) for error in (self.all, self.own, self.scales))
+        return replace(self, all=every, own=own, scales=scales)
 
 
 def _numbers(fit: Fit, use: Use) -> tuple[tuple[FilterNumbers, FilterNumbers], dict[str, _Error] | None]:
@@ -320,7 +325,7 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
     # Step of ln w in the second derivative of the prediction error, whose relative error is about _STEP².
     step = 1e-3
     gain, samples = numbers.gain, numbers.samples
-    curve = FitCurve.of(fit)
+    curve, own = FitCurve.of(fit), FitCurve.of(fit, sampling=True)
     rate = curve.design.rate
     shared = resonances_of([process for process in fit.model.processes if use.contains(process, rate)], rate)
 
@@ -331,7 +336,7 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
 
     error = numbers.prediction.error(gain)[0]
     if error == 0:
-        return dict.fromkeys(TITLES, _Error(0.0, 0.0, held=False))
+        return dict.fromkeys(TITLES, _Error(0.0, 0.0, 0.0, held=False))
     changes = np.array([sensitivity(p, name, of) for p, name in curve.moving]).reshape(-1, 2)
     before, after = (
         numbers.prediction.error(FilterGain(gain.bandwidth * math.exp(sign * step)))[1] for sign in (-1.0, 1.0)
@@ -344,7 +349,7 @@ def _errors(fit: Fit, numbers: FilterNumbers, use: Use, ratio: CurveRatio | None
     scales = np.array([name is None or name == p.scale_parameter().name for p, name in curve.moving], dtype=np.bool_)
     held = not curve.moving
     return {
-        symbol: _Error(curve.error(change), curve.error(np.where(scales, change, 0.0)), held)
+        symbol: _Error(curve.error(change), own.error(change), curve.error(np.where(scales, change, 0.0)), held)
         for symbol, change in (("N", white), ("K", white + 2 * moves))
     }
 

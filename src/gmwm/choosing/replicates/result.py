@@ -176,7 +176,7 @@ class Replicates(RecordingComparison):
         one_of(use, "use", get_args(Use))
         as_confidence(confidence)
         deviations = self.deviations
-        _, high = prediction_limits(deviations.values.T, deviations.variances.T, confidence)
+        _, high = prediction_limits(deviations.known.T, deviations.variances.T, confidence)
         parameters = parameters_by_name(self.fit.model)
         values: dict[str, float] = {}
         for name, mean, end in zip(deviations.names, deviations.effects.mean, high, strict=True):

@@ -171,11 +171,23 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
             wavelet=_as_covariance(fit, covariance), acts_as=fit.diagnostics.acts_as,
         )  # fmt: skip
     z = NormalDist().inv_cdf((1 + level) / 2)
-    parameters = parameters_by_name(fit.model)
-    return {
-        name: about(parameters[name], value, z * abs(value) * math.sqrt(square) if square >= 0 else math.inf)
-        for name, value, square in zip(errors.names, errors.values.tolist(), np.diag(errors.relative), strict=True)
-    }
+    parameters, intervals = parameters_by_name(fit.model), {}
+    squares = zip(np.diag(errors.relative), np.diag(errors.sampling.relative), strict=True)
+    for name, value, ends in zip(errors.names, errors.values.tolist(), squares, strict=True):
+        total, own = (z * math.sqrt(square) if square >= 0 else math.inf for square in ends)
+        power, signed = parameters[name].scale_power, parameters[name].domain == "real"
+        above = upper_reach(total, own, None if power is None or signed else 1 / power)
+        low, high = (about(parameters[name], value, abs(value) * reach) for reach in (total, above))
+        intervals[name] = (low[0], high[1])
+    return intervals
+
+
+def upper_reach(total: float, own: float, power: float | None) -> float:
+    """Return the distance to the upper end of the logarithm of a `power` of a variance (None: of a shape), from z
+    standard errors with and without the spread, which is a relative one of variances and not of their logarithms."""
+    if power is None or total == own:
+        return total
+    return own + power * math.log((1 + total / power) / (1 + own / power))
 
 
 def parameters_by_name(model: Model) -> dict[str, Parameter]:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 DIFFERENCE_PVALUE = 0.002
 """p-value of a difference that the parameters do not describe; the same as for the error in `selection.search`."""
-LONGEST_SHAPE_STEP = 5.0
-"""Largest step of the logarithm of a shape; recordings that need a larger one do not determine the parameter."""
+LONGEST_STEP = 5.0
+"""Largest relative step of a parameter; recordings with a larger step of a shape, or error, do not determine it."""
 EQUAL_WIDTH_LEVEL = 0.95
 """Confidence level at which both kinds of intervals for the mean of recordings have the same width."""
 
@@ -57,15 +57,20 @@ class Deviations(FrozenArrays):
         return np.diagonal(self.covariances, axis1=1, axis2=2)
 
     @property
+    def known(self) -> Matrix:
+        """Deviations (R, p) of the parameters that the recordings determine; NaN for the others."""
+        return np.where(np.isfinite(self.variances), self.values, np.nan)
+
+    @property
     def effects(self) -> Effects:
         """Mean and spread of each parameter over the recordings."""
-        return effects(self.values.T, self.variances.T)
+        return effects(self.known.T, self.variances.T)
 
     @property
     def correlation(self) -> Matrix:
         """Correlation (p, p) of the deviations of the parameters across the recordings."""
         with np.errstate(invalid="ignore"):
-            apart = np.nan_to_num(self.values - self.effects.mean)
+            apart = np.nan_to_num(self.known - self.effects.mean)
         length = np.linalg.norm(apart, axis=0)
         correlation = (apart / np.where(length > 0, length, 1.0)).T @ (apart / np.where(length > 0, length, 1.0))
         np.fill_diagonal(correlation, 1.0)
@@ -75,9 +80,9 @@ class Deviations(FrozenArrays):
     def of_mean(self) -> Matrix:
         """Covariance (p, p) of the mean by the spread, whether significant or not. Without one, intervals are 4 (two
         recordings), 2 (three) or 1.3 (five) times as wide (docs/validation/recordings.md)."""
-        information = np.sum(np.where(np.isfinite(self.values), 1 / self.variances, 0.0), axis=0)
+        information = np.sum(1 / self.variances, axis=0)
         informed = information > 0
-        half = half_widths(self.values.T[informed], self.variances.T[informed])
+        half = half_widths(self.known.T[informed], self.variances.T[informed])
         added = np.zeros(informed.size)
         width2 = (half / NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2)) ** 2
         added[informed] = np.sqrt(np.maximum(width2 - 1 / information[informed], 0.0))
@@ -85,13 +90,24 @@ class Deviations(FrozenArrays):
 
 
 def half_widths(x: Matrix, s2: Matrix) -> Vector:
-    """Return half widths (m,) of 95 % intervals of means of samples `x` (m, n) with variances `s2`."""
+    """Return half widths (m,) of 95 % intervals of means of samples `x` (m, n) with variances `s2`.
+
+    A value with a larger error than the most precise one hardly informs about the spread. So its deviation also counts
+    in units of its error, except for what exceeds z errors, and the narrower interval holds
+    (tests/replicates/test_replicates.py)."""
     alone = effects(x, s2, spread2=np.zeros(len(x)))
-    half = NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2) * alone.error
-    several = alone.count > 1
-    if np.any(several):
-        low, high = confidence_of_mean(x[several], s2[several], EQUAL_WIDTH_LEVEL)
-        half[several] = np.maximum(half[several], (high - low) / 2)
+    z = NormalDist().inv_cdf((1 + EQUAL_WIDTH_LEVEL) / 2)
+    half = z * alone.error
+    if np.any(several := alone.count > 1):
+        x, s2 = x[several], np.where(np.isfinite(x), s2, np.inf)[several]
+        low, high = confidence_of_mean(x, s2, EQUAL_WIDTH_LEVEL)
+        s, least = np.sqrt(s2), np.sqrt(s2.min(axis=-1, keepdims=True))
+        off = x - alone.mean[several, None]
+        near = off * (least / s) + np.sign(off) * np.maximum(np.abs(off) - z * s, 0.0) * (1 - least / s)
+        many = np.sum(1 / s2, axis=-1) ** 2 / np.sum(s2**-2, axis=-1)  # as many equal errors give the same total
+        nearest, farthest = confidence_of_mean(near, np.broadcast_to(least**2, x.shape), EQUAL_WIDTH_LEVEL, many - 1)
+        scale = np.sqrt(alone.count[several] / many)
+        half[several] = np.maximum(half[several], np.minimum(high - low, scale * (farthest - nearest)) / 2)
     return np.asarray(half)
 
 
@@ -130,6 +146,7 @@ def _deviations(fit: Fit) -> Deviations:
         gain, lost = parameter_gain(root @ part.slopes)
         values[part.place] = np.where(lost, np.nan, gain @ root @ part.left)
         spread = gain @ gain.T
+        lost |= np.diag(spread) > LONGEST_STEP**2
         spread[lost] = spread[:, lost] = 0.0
         spread[lost, lost] = np.inf
         covariances[part.place] = spread
@@ -216,4 +233,4 @@ def step_parameter(parameter: Parameter, value: float, share: float) -> float:
         low, high = parameter.limits
         half, place = (high - low) / 2, (2 * value - low - high) / (high - low)
         return low + half * (1 + math.tanh(math.atanh(place) + share * value / half / (1 - place * place)))
-    return value * math.exp(max(min(share, LONGEST_SHAPE_STEP), -LONGEST_SHAPE_STEP))
+    return value * math.exp(max(min(share, LONGEST_STEP), -LONGEST_STEP))
