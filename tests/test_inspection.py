@@ -39,6 +39,11 @@ def test_columns_with_the_same_samples_are_refused():
     assert {remark.subject: remark.facts["reference"] for remark in copies} == {"gyro_y": "gyro_z", "gyro_z": "gyro_y"}
     refused = [axis for axis, numbers in found.number_verdicts.items() if numbers["N"].reason in copies]
     assert refused == ["gyro_y", "gyro_z"]
+    values[:, 2] = 0.3 - 0.017 * np.round(values[:, 1], 4)
+    assert "noise-shared" not in codes(look(values).remarks)  # rounded samples have other statistics
+    values[:, 2] = 0.3 - 0.017 * values[:, 1]
+    scaled = [remark.facts["factor"] for remark in look(values).remarks if remark.facts.get("case") == "copy"]
+    assert scaled == pytest.approx([1 / 0.017, 0.017])
     values[:, :2] = 0.0  # constant columns are not copies
     assert "noise-shared" not in codes(look(values).remarks)
 

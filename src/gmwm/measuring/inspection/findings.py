@@ -64,10 +64,19 @@ def of_stuck(stuck: Mapping[str, tuple[float, float] | None]) -> Iterator[Remark
 
 
 def of_copies(axes: Mapping[str, AxisInspection]) -> Iterator[Remark]:
-    """Yield remarks on axes that have the same samples, and so the same statistics, as another axis."""
+    """Yield remarks on axes that have the samples of another axis times a factor, and so its statistics."""
     for axis, item in axes.items():
-        if twin := next((other for other in axes if other != axis and axes[other] == item and item.noise > 0), None):
-            yield Remark.of("noise-shared", axis, case="copy", reference=twin, numbers=("all numbers",))
+        if twin := next((name for name, other in axes.items() if name != axis and _is_multiple(item, other)), None):
+            factor = item.noise / axes[twin].noise
+            numbers = {"factor": factor, "scaled": "no" if item == axes[twin] else "yes", "numbers": ("all numbers",)}
+            yield Remark.of("noise-shared", axis, case="copy", reference=twin, **numbers)
+
+
+def _is_multiple(one: AxisInspection, other: AxisInspection) -> bool:
+    """Return whether the statistics that an offset does not change have one ratio, except for rounding errors."""
+    first, second = ((item.noise, item.sd, item.wander) for item in (one, other))
+    ratios = [a / b for a, b in zip(first, second, strict=True)] if min(*first, *second) > 0 else [0.0, 1.0]
+    return one.unit == other.unit and max(ratios) <= (1 + 1e-9) * min(ratios)
 
 
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
