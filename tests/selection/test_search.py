@@ -11,7 +11,7 @@ import gmwm
 from gmwm import Model, wavelet_variance
 from gmwm.choosing.datasheets import datasheet
 from gmwm.choosing.selection.api import select_within
-from gmwm.choosing.selection.ranking import REJECTED, SLOW, RankingOptions, SearchStep
+from gmwm.choosing.selection.ranking import SEARCH_PVALUE, SLOW, RankingOptions, SearchStep
 from gmwm.choosing.selection.search import LOW_ORDER, _is_accepted, search, within_family
 from gmwm.choosing.selection.structure import freedom, largest_within
 from gmwm.theory.processes.sinusoid import SIN
@@ -62,7 +62,7 @@ def test_simple_noise_is_found_without_the_spectrum():
     assert found.ranking.recommended.structure == "GM + WN + RW"
     assert (found.error, found.tried) == (0.0, (SLOW,))
     assert found.with_error.model_error == 0.0
-    assert found.ranking.recommended.pvalue > REJECTED
+    assert found.ranking.recommended.pvalue > SEARCH_PVALUE
     assert all("SIN" not in one.structure and "ARMA" not in one.structure for one in found.ranking)
 
 
@@ -84,7 +84,7 @@ def test_a_filter_is_found_with_its_density(which):
     (shape,) = (p for p in recommended.model.processes if p.name.startswith(("AR", "MA")))
     assert found.tried[0] == SLOW
     assert shape.name in found.tried[-1]
-    assert recommended.pvalue > REJECTED
+    assert recommended.pvalue > SEARCH_PVALUE
     # Of 200 000 samples, N is known to about 0.5 %.
     assert density(found) == pytest.approx(1.0, rel=0.01)
 
@@ -217,7 +217,7 @@ def test_the_steps_say_why_each_family_was_entered_and_left():
     assert [(s.entered, s.left, s.used) for s in with_line.steps] == [
         ("slow", "all-rejected", False), ("lines", "accepted", True),
     ]  # fmt: skip
-    assert with_line.steps[0].bound < REJECTED <= with_line.steps[1].bound
+    assert with_line.steps[0].bound < SEARCH_PVALUE <= with_line.steps[1].bound
     assert with_line.steps[0].recommended is None
     resonant = searched(filtered(*FILTERS["Butterworth 2"], rng, n) + line)
     assert [(s.entered, s.used) for s in resonant.steps] == [("slow", False), ("lines", False), ("shape", True)]
@@ -254,7 +254,7 @@ def test_a_step_that_may_have_a_filter_is_not_called_rejected():
     assert [(s.entered, s.left) for s in found.steps] == [
         ("slow", "filter-possible"), ("filter", "filter-possible"), ("filter", "accepted"),
     ]  # fmt: skip
-    assert all(step.pvalue >= REJECTED for step in found.steps)
+    assert all(step.pvalue >= SEARCH_PVALUE for step in found.steps)
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ ENTRY_TEXTS: Mapping[Entry, str] = {
     "oscillation": "with a slow oscillation that is fitted to the wavelet variance",
     "sensor": "one form of slow noise for the axes of the sensor",
 }
-REJECTED = 0.002
+SEARCH_PVALUE = 0.002
 """p-value of the test below which the search continues, as in 2 of 1000 recordings of a true model."""
 EXIT_TEXTS: Mapping[Exit, str] = {
     "accepted": "{model}{p} is kept: the search goes on only below p = {level}.",
@@ -88,7 +88,7 @@ class SearchStep(Documented):
         """Return the step as two or three sentences."""
         pvalue = self.bound if self.recommended is None else self.pvalue
         reason = EXIT_TEXTS[self.left].format(
-            model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=REJECTED
+            model=self.recommended, p=_in_brackets(pvalue), error=100 * self.model_error, level=SEARCH_PVALUE
         )
         used = " This step gives the model of the axis." if self.used else ""
         return round_fixed(f"{self.family}: {ENTRY_TEXTS[self.entered]}. {reason}{used}")
@@ -106,7 +106,7 @@ def search_lines(steps: Iterable[SearchStep], width: int) -> Iterator[str]:
 
 EQUAL_CRITERIA = 1e-6
 """Two criteria count as equal if their relative difference is below this (tests/selection/test_ranking.py)."""
-REJECTED_PVALUE = 0.01
+REMARK_PVALUE = 0.01
 """If the p-value of the goodness-of-fit test of the recommended model is below this level, the ranking has the remark
 `model-rejected`. The level is a convention. It is smaller than the usual 5 % because a unit has several axes."""
 MOST_CANDIDATES_LISTED = 10
@@ -335,7 +335,7 @@ class Ranking(Plotted, Tabular):
         if chosen is not self.best and not self.best.equivalent:
             difference = self.difference_text(chosen)
             yield Remark.of("recommended", axis, case="smallest", model=self.label(self.best), difference=difference)
-        if chosen.pvalue is not None and chosen.pvalue < REJECTED_PVALUE:
+        if chosen.pvalue is not None and chosen.pvalue < REMARK_PVALUE:
             yield Remark.of("model-rejected", axis, case="ranking", p=chosen.pvalue)
         if reduced := len(self.candidates) - len(self.distinct):
             yield Remark.of("recommended", axis, case="reduced", count=reduced)

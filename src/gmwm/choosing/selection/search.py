@@ -21,7 +21,7 @@ from gmwm.base.errors import GmwmError, ModelError
 from gmwm.base.lazy import scipy
 from gmwm.choosing.selection import fast_part
 from gmwm.choosing.selection.api import begin_ranking, rank_models, with_equivalent
-from gmwm.choosing.selection.ranking import REJECTED, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
+from gmwm.choosing.selection.ranking import SEARCH_PVALUE, SLOW, Entry, Exit, Ranking, RankingOptions, SearchStep
 from gmwm.choosing.selection.structure import freedom, largest_within, without_values
 from gmwm.fitting.estimation.goodness import usable_levels
 from gmwm.fitting.estimation.model_error import Distance, having_error, model_error, nearly_fitted
@@ -125,7 +125,7 @@ def _with_oscillation(
     fit = Fit.of(settled, wv, options.weighting)
     oscillator = next(p for p in fit.model.processes if p.name == OSC.name and not p.shape_is_fixed)
     bound = Distance.of(fit).surely
-    if oscillator.scale == 0 or bound < REJECTED or oscillator.value("frequency") > fastest:
+    if oscillator.scale == 0 or bound < SEARCH_PVALUE or oscillator.value("frequency") > fastest:
         return None
     # An oscillation that is a smaller part of every level may as well be an error of the model of a few per cent.
     least_part = 0.1
@@ -170,7 +170,7 @@ def _oscillator_of_grid(wv: WaveletVariance, fit: Fit, required: Sequence[Proces
         table[-1] = oscillators[k]
         distances[k] = _core.nonnegative_least_squares(target, table)[1]
     nearest = int(np.argmin(distances))
-    if distances[nearest] > max(scipy.special.chdtri(target.size, REJECTED), SMALL_RESIDUAL * least):
+    if distances[nearest] > max(scipy.special.chdtri(target.size, SEARCH_PVALUE), SMALL_RESIDUAL * least):
         return None
     frequency, quality = peaks[nearest].tolist()
     return OSC(frequency=frequency, quality=quality)
@@ -187,7 +187,7 @@ def _from_spectrum(
     """Return the choice of steps 1 to 3 of the module."""
     general, bound = _slow_fit(wv, spectrum, options)
     slow = SearchStep(family=general.model.structure, entered="slow", bound=bound, left="all-rejected")
-    if bound >= REJECTED:
+    if bound >= SEARCH_PVALUE:
         ranking, others = begin_ranking(SLOW, wv, options, progress=lambda *_: check())
         slow = _with_result(replace(slow, left="rejected"), ranking)
         if _is_accepted(ranking):
@@ -214,7 +214,7 @@ def _from_spectrum(
         if terms != peaks.terms:
             peaks = _SlowWithPeaks.of(terms, general, wv, options)
             bound = Distance.of(peaks.fit).surely
-            if terms and bound >= REJECTED:
+            if terms and bound >= SEARCH_PVALUE:
                 choice = _within_family(SLOW, peaks.curve, options, required=terms, check=check, entered="lines")
                 return _after_slow(choice).after(*steps)
             if terms:
@@ -284,7 +284,7 @@ def _with_shape(
         fit = nearly_fitted(largest_within(fast_part.BESIDE, wv, part.terms), wv, options.weighting)
         # Terms of the largest model may follow a wrong shape, so each of its parameters counts.
         pvalue = Distance.of(fit).pvalue
-        misses = pvalue < REJECTED and simplest is None
+        misses = pvalue < SEARCH_PVALUE and simplest is None
         error = model_error(fit) if misses else least_error if pvalue < close else 0.0
         last, shaped = (part, _JudgedFamily(fit, pvalue, error)), None
         if not error:
@@ -368,7 +368,7 @@ def _as_sampled(choice: ModelChoice) -> ModelChoice:
 
 def _is_accepted(ranking: Ranking) -> bool:
     pvalue = ranking.recommended.pvalue
-    return pvalue is None or pvalue >= REJECTED
+    return pvalue is None or pvalue >= SEARCH_PVALUE
 
 
 def _has_filter(fit: Fit) -> bool:
@@ -391,7 +391,7 @@ class _JudgedFamily(NamedTuple):
         """Fit and test the largest model; the error is 0 if the test may accept one of its models."""
         fit = nearly_fitted(largest, wv, weighting)
         bound = Distance.of(fit).surely
-        return cls(fit, bound, model_error(fit) if bound < REJECTED else 0.0)
+        return cls(fit, bound, model_error(fit) if bound < SEARCH_PVALUE else 0.0)
 
 
 def within_family(

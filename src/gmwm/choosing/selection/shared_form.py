@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm.base.units import by_sensor
-from gmwm.choosing.selection.api import REJECTED
+from gmwm.choosing.selection.api import EXCLUDED_PVALUE
 from gmwm.choosing.selection.ranking import Candidate, Ranking, SearchStep
 from gmwm.choosing.selection.search import ModelChoice
 from gmwm.choosing.selection.structure import slow_terms
@@ -80,7 +80,7 @@ def _is_stationary(candidate: Candidate) -> bool:
 def _is_worse(candidate: Candidate, recommended: Candidate) -> bool:
     """Return whether the test rejects a candidate or it misses a level by far, and the recommended one fits better."""
     pvalue, other = candidate.pvalue, recommended.pvalue
-    rejected = pvalue is not None and pvalue < REJECTED and (other is None or pvalue < other)
+    rejected = pvalue is not None and pvalue < EXCLUDED_PVALUE and (other is None or pvalue < other)
     return rejected or _largest_ratio(candidate.fit) > max(_largest_ratio(recommended.fit), GROSS)
 
 
