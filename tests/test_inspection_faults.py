@@ -32,7 +32,8 @@ def imu_of(x):
 
 
 NAMED = {
-    "output-clipped:noise", "output-clipped:rare", "output-clipped:inside", "output-rounded:counter",
+    "output-clipped:noise", "output-clipped:rare", "output-clipped:inside", "output-clipped:folded",
+    "output-rounded:counter",
     "level-steps:clear", "level-steps:possible", "trend:swing", "fault-undone:held", "fault-undone:repeated",
     "fault-undone:frozen", "fault-undone:interpolated", "fault-undone:dead", "fault-undone:wrapped",
     "heavy-tails:changes",
@@ -101,6 +102,22 @@ def test_truncation_towards_zero_is_found_only_around_zero(step, memory):
     assert "output-clipped:inside" in named(1e-3 * np.trunc((x + 0.3) / step) * step)
     assert "output-clipped:inside" not in named(1e-3 * np.trunc((x + 9.0) / step) * step)
     verdicts = gmwm.calibrate(imu_of(1e-3 * np.trunc(x / step) * step), "WN + RW").number_verdicts["gyro_x"]
+    assert verdicts["N"].usability.value == "do not use"
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01, 0.05])
+def test_an_absolute_value_is_found(step):
+    rng = np.random.default_rng(11)
+    white, smooth = rng.standard_normal(SAMPLES), lfilter([0.3], [1, -0.95], rng.standard_normal(SAMPLES))
+    for x, folded in ((white, True), (smooth, True), (white + 1, True), (white + 2, False)):
+        x = np.round(x / step) * step if step else x
+        for sign in (-1e-3, 1e-3):
+            assert ("output-clipped:folded" in named(sign * np.abs(x))) == folded
+        assert "output-clipped:folded" not in named(1e-3 * x)
+    for other in (np.hypot(white, smooth), np.abs(white) + 0.3, 1e-4 * np.arange(SAMPLES) + np.abs(white), white + 6,
+                  np.maximum(white, 0)):  # fmt: skip
+        assert "output-clipped:folded" not in named(1e-3 * other)
+    verdicts = gmwm.calibrate(imu_of(1e-3 * np.abs(white)), "WN + RW").number_verdicts["gyro_x"]
     assert verdicts["N"].usability.value == "do not use"
 
 

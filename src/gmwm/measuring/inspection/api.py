@@ -24,7 +24,7 @@ from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_chan
 from gmwm.measuring.inspection.jumps import jumps_of, with_shared_settling
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
-from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, dead_band_of, saturation_of
+from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, dead_band_of, folding_of, saturation_of
 from gmwm.measuring.inspection.trends import Swing, Trend, swing_of, trend_of
 from gmwm.measuring.regression.against import AUTO, Against, Asked
 from gmwm.measuring.regression.conditions import NOTHING, Conditions
@@ -321,11 +321,13 @@ class RecordingStatistics:
         )  # fmt: skip
 
     def _saturation(self, axis: str, item: AxisInspection) -> Saturation | None:
-        samples, step = self._extent.samples, item.lsb or 0.0
+        samples, step, runs = self._extent.samples, item.lsb or 0.0, self._axes[axis].runs(outliers=True)
+        if folded := folding_of(axis, runs, step):
+            return folded
         clipped = saturation_of(axis, self._ends[axis], samples=samples, step=step, noise=item.before_rounding or 0.0)
         if clipped is not None or item.counter:
             return clipped
-        return dead_band_of(axis, self._axes[axis].runs(outliers=True), samples=samples, step=step)
+        return dead_band_of(axis, runs, samples=samples, step=step)
 
     def _stuck(self, axis: str, sums: AxisStatistics) -> tuple[float, float] | None:
         """Return the first time (s) and the share of windows in which an axis is constant; None if due to rounding."""

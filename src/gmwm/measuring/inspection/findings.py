@@ -80,10 +80,10 @@ def _is_multiple(one: AxisInspection, other: AxisInspection) -> bool:
 
 
 def of_saturation(saturations: tuple[Saturation, ...], units: Mapping[str, str]) -> Iterator[Remark]:
-    """Yield remarks on axes whose output is clipped, or has a dead band."""
+    """Yield remarks on axes whose output is clipped, has a dead band, or is an absolute value."""
     for item in saturations:
         value = in_datasheet_units(item.value, 0.0, units[item.axis])
-        case = "inside" if item.inside else "noise" if item.matters else "rare"
+        case = "folded" if item.folded else "inside" if item.inside else "noise" if item.matters else "rare"
         yield Remark.of(
             "output-clipped", item.axis, case=case, share=100 * item.share, value=value, loss=100 * item.loss
         )  # fmt: skip

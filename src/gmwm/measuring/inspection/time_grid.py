@@ -105,13 +105,17 @@ _EXPECTED = 30.0
 
 _FINE = 3.0
 """Median quantization steps between differing neighbours from which rounding does not shape the tails (σ ≥ 3 steps)."""
+_FOLDED = 0.04
+"""Share of samples within a tenth of the rms from zero, none of them beyond zero, of an absolute value: 8 % of |x| for
+noise x with mean 0, 2 % with a mean of two standard deviations (tests/test_inspection_faults.py)."""
 _NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation:
     """Samples of an axis at its extremes: their share, the commonest value, and the `loss` of spread of Gaussian noise.
-    `matters`: N loses more than half the 95 % confidence interval of white noise. `inside`: of a dead band."""
+    `matters`: N loses more than half the 95 % confidence interval of white noise. `inside`: of a dead band. `folded`:
+    the output is an absolute value."""
 
     axis: str
     share: float
@@ -119,6 +123,7 @@ class Saturation:
     loss: float
     matters: bool
     inside: bool = False
+    folded: bool = False
 
 
 class Extremes:
@@ -200,6 +205,19 @@ def saturation_of(axis: str, ends: Ends, *, samples: int, step: float, noise: fl
     return Saturation(
         axis=axis, share=share, value=max(clipped)[1], loss=loss, matters=loss > 1.96 / math.sqrt(2 * samples)
     )
+
+
+def folding_of(axis: str, runs: Sequence[Vector], step: float) -> Saturation | None:
+    """Return the median share of samples near zero in the runs if the output is an absolute value; None if samples have
+    both signs, if steps are coarse, or if most of this share is exactly zero. Arguments as in `dead_band_of`."""
+    values = np.concatenate([np.zeros(1), *runs])
+    near = 0.1 * math.sqrt(float(np.mean(values**2)))
+    if step >= near or not (np.min(values) >= 0 or np.max(values) <= 0):
+        return None
+    share = float(np.median([np.mean(np.abs(run) < near) for run in runs]))
+    loss = 1 - math.sqrt(1 - 2 / math.pi)
+    folded = Saturation(axis=axis, share=share, value=0.0, loss=loss, matters=True, folded=True)
+    return folded if share > max(_FOLDED, 2 * float(np.mean(values == 0))) else None
 
 
 def dead_band_of(axis: str, runs: Sequence[Vector], *, samples: int, step: float) -> Saturation | None:
