@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.main import get_command
@@ -182,8 +183,8 @@ def test_an_interrupt_ends_with_130(gmwm, recording, monkeypatch):
 
 def test_a_warning_is_one_line(gmwm, folder):
     path = folder / "plain.csv"
-    noise = [0.001 * (k * 7 % 5) for k in range(200)]
-    rows = [f"{k / 100},{x},{2 * x},{1 + x}\n" for k, x in enumerate(noise)]
+    noise = np.random.default_rng(1).normal(0, 1e-3, (200, 3))
+    rows = [f"{k / 100},{x},{y},{1 + z}\n" for k, (x, y, z) in enumerate(noise)]
     path.write_text("time [s],accel_x,accel_y,accel_z\n" + "".join(rows))
     outcome = gmwm("wv", path, "--json")
     (line,) = outcome.err.splitlines()
