@@ -173,6 +173,9 @@ double moved(std::array<Number, degree_most + 1>& polynomial, std::size_t degree
   return total;
 }
 
+// Whether an oscillation turns so fast that a Gauss rule for it would take longer than every lag.
+bool is_fast(Complex decay) { return turn / decay.im < shortest_rule; }
+
 double size_of(Complex a) { return std::abs(a.re) + std::abs(a.im); }
 
 const Powers& Sums::table(std::size_t p) {
@@ -427,7 +430,7 @@ double Sums::rules(std::int64_t begin, std::int64_t end, LagCount count) {
   bool from_front = false, from_back = false;
   for (std::size_t k = 0; k < piece_.active.size(); ++k) {
     const Complex decay = process_.decay(piece_.active[k]);
-    if (turn / decay.im < shortest_rule && k != lasting_) continue;
+    if (is_fast(decay) && k != lasting_) continue;
     fastest = std::max(fastest, decay.re);
     if (k != lasting_) angle = std::max(angle, decay.im);
     from_front = from_front || norm(piece_.ahead[k]) > 0, from_back = from_back || norm(piece_.behind[k]) > 0;
@@ -482,12 +485,11 @@ double Sums::piece(LagCount count) {
   std::size_t longest = none;
   for (std::size_t k = 0, most = 0; k < piece_.active.size(); ++k) {
     const Complex decay = process_.decay(piece_.active[k]);
-    if (turn / decay.im >= shortest_rule) continue;
+    if (!is_fast(decay)) continue;
     const std::int64_t front = reach(piece_.ahead[k], decay, 1), back = reach(piece_.behind[k], decay, 1);
     ends.extend(front, back);
     if (static_cast<std::size_t>(front + back) > most) most = static_cast<std::size_t>(front + back), longest = k;
   }
-  lasting_ = none;
   if (!piece_.echoes.empty()) {
     ends = {n, 0};
   } else if (longest != none && ends.front + ends.back > static_cast<std::int64_t>(span)) {
@@ -498,9 +500,7 @@ double Sums::piece(LagCount count) {
       others.extend(reach({piece_.polynomial[r], 0}, {}, share(static_cast<double>(r) / static_cast<double>(n))), 0);
     for (std::size_t k = 0; k < piece_.active.size(); ++k) {
       const Complex decay = process_.decay(piece_.active[k]);
-      const bool fast = turn / decay.im < shortest_rule && k != longest;
-      const double speed = k == longest ? decay.re : gmwm::size(decay);
-      const double left = fast ? 1.0 : share(speed);
+      const double left = k == longest ? share(decay.re) : is_fast(decay) ? 1.0 : share(gmwm::size(decay));
       others.extend(reach(piece_.ahead[k], decay, left), reach(piece_.behind[k], decay, left));
     }
     others.back += static_cast<std::int64_t>(parts);  // lags of which the sum by parts takes differences

@@ -35,8 +35,8 @@ def combine(calibrations: Sequence[Calibration]) -> Calibration:
             recordings[key if key not in recordings else f"{key} ({len(recordings) + 1})"] = value
         for remark in calibration.recording_remarks:
             # A remark on all axes of one calibration is none on those of the others.
-            whole = list(calibration.axes) if remark.message.spoils or remark.message.raises else [name]
-            remarks += [remark] if remark.subject else [remark.about(subject) for subject in whole]
+            subjects = list(calibration.axes) if remark.message.spoils or remark.message.raises else [name]
+            remarks += [remark] if remark.subject else [remark.about(subject) for subject in subjects]
     return replace(
         first,
         axes={

@@ -32,6 +32,7 @@ from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
 from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
+from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, dependence, other_efficiency
 from gmwm.measuring.outliers.bursts import RARE
 from gmwm.measuring.outliers.cleaning import NOTHING_REPLACED
@@ -42,7 +43,7 @@ from gmwm.measuring.variance.api import wavelet_variance
 from gmwm.measuring.variance.pooling import pool
 from gmwm.measuring.variance.result import WaveletVariance
 from gmwm.recording.batches import Batch, batches, join_batches, part_of
-from gmwm.recording.gaps import fill_gaps, joined_ranges
+from gmwm.recording.gaps import fill_gaps
 from gmwm.recording.repairs import only_axes, repaired, without_jumps
 from gmwm.recording.repairs.beginning import without_times
 from gmwm.recording.signals import Imu, Signal
@@ -246,7 +247,7 @@ def _require_scales_between_gaps(part: Part) -> None:
     if not isinstance(part, Imu) or len(part.segments) < 2:
         return
     signal = part[part.axes[0]]
-    ranges = joined_ranges(signal.rate, signal.segments, signal.starts) if signal.gaps_known else signal.segments
+    ranges = Extent(signal.rate, signal.segments, signal.starts, signal.gaps_known).unbroken
     longest, least = max(last - first for first, last in ranges), 1 << LEAST_SCALES_FOR_USE
     if longest < least:
         raise DataError(

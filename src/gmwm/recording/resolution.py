@@ -52,12 +52,12 @@ class Sample:
 
     def __init__(self) -> None:
         self._kept = np.empty(0)
-        self._came, self._stride = 0, 1
+        self.count, self._stride = 0, 1  # samples of the record
 
     def update(self, values: Vector) -> None:
         """Add the next samples."""
-        before, self._came = self._came, self._came + values.size
-        while self._came > 2 * LIMITS.enough * self._stride:
+        before, self.count = self.count, self.count + values.size
+        while self.count > 2 * LIMITS.enough * self._stride:
             self._kept, self._stride = self._kept[::2], 2 * self._stride
         part = values[-before % self._stride :: self._stride]
         if part.size:

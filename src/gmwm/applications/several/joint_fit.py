@@ -260,8 +260,8 @@ class JointFit(Summarised, Plotted):
         place = self._place(term)
         if term not in self._shared_tests:
             terms = self.settled.problem.terms
-            own = (*terms[:place], replace(terms[place], kind="own"), *terms[place + 1 :])
-            null = fitting.settle(own, self.settled.measured)
+            unshared = (*terms[:place], replace(terms[place], kind="own"), *terms[place + 1 :])
+            null = fitting.settle(unshared, self.settled.measured)
             statistic, df = fitting.sharing(null, place)
             pvalue = float(scipy.special.gammaincc(df / 2, max(statistic, 0.0) / 2)) if df else 1.0
             self._shared_tests[term] = SharedTerm(term=term, statistic=statistic, df=df, pvalue=pvalue)

@@ -243,14 +243,14 @@ def _entry(judged: _Judged, term: str, process: Process, number: Physical, weak:
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
     """Return a number's interval: ±z standard errors on a logarithmic scale, or a linear one if it has a sign."""
-    found, scale = judged.fit.sandwich, process.scale_parameter()
-    place = [found.names.index(name) for name in slopes]
+    sandwich, scale = judged.fit.sandwich, process.scale_parameter()
+    place = [sandwich.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
     total, own = (
         judged.z * math.sqrt(max(float(g @ errors.relative[np.ix_(place, place)] @ g), 0.0))
-        for errors in (found, found.sampling)
+        for errors in (sandwich, sandwich.sampling)
     )
-    if number.signal_power and process.scale_parameter().domain == "real":
+    if number.signal_power and scale.domain == "real":
         return number.value - total * abs(number.value), number.value + total * abs(number.value)
     power = number.slopes[scale.name] / (scale.scale_power or 1) if number.slopes.keys() == {scale.name} else None
     above = upper_reach(total, own, power)

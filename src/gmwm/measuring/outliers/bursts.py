@@ -86,15 +86,14 @@ class BurstFinder:
         self._sums = np.zeros((5, self.levels))
         self._sample = Sample()
         self._step: float | None = None  # quantization step in this sample, once a panel is complete
-        self._came = self._known = 0  # samples, now and for the step
+        self._counted = 0  # samples from which the step was estimated
 
     def update(self, values: Vector) -> None:
         """Add the next samples of the segment."""
         self._sample.update(values)
-        self._came += values.size
         # Not anew for each of the short segments of a recording that loses many samples.
-        if 8 * (self._came - self._known) > self._known:
-            self._step, self._known = None, self._came
+        if 8 * (self._sample.count - self._counted) > self._counted:
+            self._step, self._counted = None, self._sample.count
         for panel in self.panels.divide(values):
             self._add(panel)
 
