@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -107,3 +108,9 @@ def test_what_needs_an_extra_is_refused_in_one_line(folder, command, extra):
     done = core(folder, *command.split())
     assert done.returncode == 2
     assert re.fullmatch(rf'error: .* not installed\. Install it: `pip install "gmwm\[{extra}\]"`\.\n', done.stderr)
+
+
+def test_python_3_10_reads_toml_with_tomli(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 10, 13))
+    monkeypatch.setitem(sys.modules, "tomli", tomllib)
+    assert runpy.run_path(str(ROOT / "src" / "gmwm" / "base" / "lazy.py"))["tomllib"] is tomllib

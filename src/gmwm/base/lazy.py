@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 if sys.version_info >= (3, 11):
     import tomllib as tomllib
 else:
-    pass
+    import tomli as tomllib  # noqa: F401  # for other modules
 
 if TYPE_CHECKING:
     import polars as polars
