@@ -194,7 +194,7 @@ FIRST = {
     "deg/h": "glossary.html#term-deg-h",
     "bias instability": "glossary.html#term-bias-instability",
     "imu.yaml": "glossary.html#term-imu.yaml",
-    "install": "start.html",
+    "install": "install.html",
     "custom process": "glossary.html#term-custom-process",
     "distinguish": "glossary.html#term-distinguish",
     "misalignment": "glossary.html#term-misalignment",
