@@ -44,6 +44,9 @@ def test_columns_with_the_same_samples_are_refused():
     values[:, 2] = 0.3 - 0.017 * values[:, 1]
     scaled = [remark.facts["factor"] for remark in look(values).remarks if remark.facts.get("case") == "copy"]
     assert scaled == pytest.approx([1 / 0.017, 0.017])
+    assert "twice: gyro_y and gyro_z (those of gyro_y times 0.017, up to an offset)" in " ".join(
+        look(values).summary().split()
+    )
     values[:, :2] = 0.0  # constant columns are not copies
     assert "noise-shared" not in codes(look(values).remarks)
 

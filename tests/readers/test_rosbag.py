@@ -14,7 +14,7 @@ from gmwm.base.errors import DataError, OptionError, ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.units import AXES
 from gmwm.files.readers import find_reader, read
-from tests.helpers import only, raises
+from tests.helpers import codes, only, raises
 from tests.readers.rosbag_files import (
     CONTAINERS,
     START,
@@ -96,7 +96,9 @@ def test_stamps_of_zero_give_way_to_the_time_of_recording(tmp_path, container):
 
 
 def test_the_time_of_recording_on_demand(tmp_path):
-    found = read(recorded(tmp_path), columns={"time": "log_time"})
+    path = recorded(tmp_path)
+    assert "left-out" not in codes(read(path).remarks)
+    found = read(path, columns={"time": "log_time"})
     assert found["gyro_x"].start == pytest.approx(START / 1e9 + 999e-9, abs=0, rel=1e-15)
     assert found.axes == AXES
 

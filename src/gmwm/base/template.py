@@ -112,8 +112,8 @@ def render(
 def fact_text(fact: Fact, spec: str = "") -> str:
     """Format a fact as text; `render` describes the formats.
 
-    >>> fact_text(Quantity(0.25, "deg/√h")), fact_text(("gyro_x", "gyro_y")), fact_text(0.123, "percent")
-    ('0.25 deg/√h', 'gyro_x and gyro_y', '12 %')
+    >>> fact_text(Quantity(0.25, "deg/√h")), fact_text(("gyro_x", "gyro_y")), fact_text((0.123, 2e-9), "percent")
+    ('0.25 deg/√h', 'gyro_x and gyro_y', '12 % and below 0.01 %')
     >>> fact_text((3, 4), "@level")
     'levels 3 and 4'
     """
@@ -136,7 +136,7 @@ def fact_text(fact: Fact, spec: str = "") -> str:
     if spec == "p":
         return p_relation(value)
     if spec == "percent":
-        return with_minus(f"{round_text(100 * value)} %")
+        return "below 0.01 %" if 0 < value < 1e-4 else with_minus(f"{round_text(100 * value)} %")
     if isinstance(value, bool | int):
         number = str(value)
     elif math.isfinite(value) and (not spec or re.fullmatch(r"\.[1-6]g", spec)):

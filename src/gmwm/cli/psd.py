@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import gmwm
+from gmwm.base.text import round_text
 from gmwm.base.units import usual_unit
 from gmwm.cli.command import command
 from gmwm.cli.measuring import open_recording, tell_inspection
@@ -96,14 +97,14 @@ def _text(found: PowerSpectra, si: bool) -> str:
             axis, f"{line.frequency:.6g}", f"{line.frequency_error:.1g}",
             f"{units[axis][1] * line.amplitude:.3g} {units[axis][0]}",
             f"{units[axis][1] * line.amplitude_error:.1g}", "narrow" if line.narrow else f"{line.width:.2g}",
-            f"{line.height:.3g}",
+            round_text(line.height, 3),
             "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
         ]
         for axis, spectrum in found.items()
         for line in spectrum.lines
     ]  # fmt: skip
     bumps = [
-        [axis, f"{bump.frequency:.4g}", f"{bump.width:.2g}", f"{bump.quality:.2g}", f"{bump.height:.3g}"]
+        [axis, f"{bump.frequency:.4g}", f"{bump.width:.2g}", round_text(bump.quality), round_text(bump.height, 3)]
         for axis, spectrum in found.items()
         for bump in spectrum.bumps
     ]

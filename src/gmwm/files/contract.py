@@ -44,7 +44,8 @@ class Channel:
         Unit if the format defines it; "" otherwise. A unit in `name` is recognised later, in the same way for every
         format.
     axis : str
-        "gyro_x" … "accel_z", "time" or "temperature" if the format defines it; "" if the name decides.
+        "gyro_x" … "accel_z", "time" or "temperature" if the format defines it, "spare" if only the user can choose the
+        column; "" if the name decides.
     increments : bool
         Whether the values are integrals over the sample interval (rad, m/s). gmwm multiplies them by the rate.
     scale : float

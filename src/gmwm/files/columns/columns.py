@@ -89,7 +89,7 @@ def _check_choice(choice: ColumnChoice, layout: Layout, path: Path, *, exhaustiv
     others = {
         k: channel.name or str(k)
         for k, channel in enumerate(layout.channels)
-        if k not in choice.columns.values() and (channel.name or layout.named is False)
+        if k not in choice.columns.values() and channel.axis != "spare" and (channel.name or layout.named is False)
     }
     sensors = {} if exhaustive else _unread_sensors(others, choice, path)
     remarks = [Remark.of("sensor-columns-left-out", sensor, names=names) for sensor, names in sensors.items()]

@@ -285,7 +285,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         timed = False
     if not timed:
         remarks += (Remark.of("time-read", case="read", form="log", reason="the messages have no stamp"),)
-    channels.append(Channel(LOG_TIME, "ns", "" if timed else "time"))
+    channels.append(Channel(LOG_TIME, "ns", "spare" if timed else "time"))
     if len(channels) == 1:
         return None
     return Layout(
@@ -327,7 +327,7 @@ def _imu_layout(
         sensor, axis = name.split(".")
         if sensor not in absent:
             channels.append(Channel(name, axis=f"{_SENSORS[sensor]}_{axis}"))
-    channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
+    channels.append(Channel(LOG_TIME, "ns", "spare" if stamped else "time"))
     return Layout(
         channels=tuple(channels), topic=topic.name, remarks=tuple(remarks),
         state=_TopicState(topic, kind), inertial=bool(first[STAMP].size),

@@ -73,8 +73,10 @@ def of_copies(axes: Mapping[str, AxisInspection]) -> Iterator[Remark]:
     for axis, item in axes.items():
         if twin := next((name for name, other in axes.items() if name != axis and _is_multiple(item, other)), None):
             factor = item.noise / axes[twin].noise
-            numbers = {"factor": factor, "scaled": "no" if item == axes[twin] else "yes", "numbers": ("all numbers",)}
-            yield Remark.of("noise-shared", axis, case="copy", reference=twin, **numbers)
+            scale = "" if item == axes[twin] else f" times {round_text(factor, 4)}, up to an offset"
+            of = f"those of {twin}{scale}" if twin in list(axes)[: list(axes).index(axis)] else ""
+            facts: dict[str, Fact] = {"reference": twin, "factor": factor, "of": of, "numbers": ("all numbers",)}
+            yield Remark.of("noise-shared", axis, case="copy", **facts)
 
 
 def _is_multiple(one: AxisInspection, other: AxisInspection) -> bool:

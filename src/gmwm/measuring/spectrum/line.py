@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gmwm.base import _core
 from gmwm.base.arrays import Matrix, Vector, row_medians
 from gmwm.base.documents import Documented
+from gmwm.base.text import round_text
 
 if TYPE_CHECKING:
     from gmwm.measuring.spectrum.result import PowerSpectrum
@@ -99,8 +100,8 @@ class Bump(Documented):
 
     def described(self) -> str:
         """Format the frequency, the height, the width and the Q factor."""
-        size = f"{self.height:.3g} × its surroundings, width {self.width:.2g} Hz, Q {self.quality:.2g}"
-        return f"{self.frequency:.3g} Hz, {size}"
+        size = f"{round_text(self.height, 3)} × its surroundings, width {self.width:.2g} Hz"
+        return f"{self.frequency:.3g} Hz, {size}, Q {round_text(self.quality)}"
 
 
 CORRELATIONS = (1.0, 2 / 3, 1 / 6)

@@ -187,8 +187,7 @@ class OSC(Process):
         frequency = self.oscillation()
         if self.scale == 0 or frequency is None or 3.0 * frequency >= 1.0:
             return ()
-        at, quality = Quantity(frequency, "Hz"), self.value("quality")
-        return (Remark.of("lines", case="oscillation", term=term, frequency=at, quality=quality),)
+        return (Remark.of("lines", case="oscillation", term=term, frequency=Quantity(frequency, "Hz")),)
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
         """Return the frequency f₀ (Hz), the quality factor Q and the standard deviation σ."""
