@@ -175,7 +175,11 @@ def test_every_table_marks_a_number_that_must_not_be_used():
     rows = [line.split() for line in found.summary(details=True).splitlines()]
     assert [row[0] for row in rows if row and row[0] in "NKB" and row[-1] == "✗"] == refused
     assert "✗: do not use." in " ".join(found.summary(details=True).split())
-    compared = gmwm.agree([found, found], labels=["a", "b"]).summary()
+    agreement = gmwm.agree([found, found], labels=["a", "b"])
+    assert not agreement.compared  # of numbers without a meaning
+    marked = [row["symbol"] for row in agreement.to_dict()["rows"] if row["use"] == ["do not use"] * 2]
+    assert [symbol for symbol in marked if symbol in "NKB"] == refused
+    compared = agreement.summary()
     assert [line.strip()[0] for line in compared.splitlines() if line.count("✗") == 2] == refused
     (row,) = rows_of("a", "a.csv", found)
     assert [symbol for symbol in "NKB" if symbol in row and row[f"{symbol}_high"] is None] == refused

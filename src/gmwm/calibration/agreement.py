@@ -17,6 +17,7 @@ from gmwm.base.units import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SensorFactors, SharedNumber
 from gmwm.calibration.data import names_of
 from gmwm.calibration.findings import rejected_axes
+from gmwm.calibration.number_verdicts import Verdicts
 from gmwm.calibration.result import Calibration
 from gmwm.calibration.tables import in_order, merge_names
 from gmwm.choosing.datasheets import Datasheet, Entry
@@ -109,14 +110,14 @@ def agree(
     if not any(sum(axis in sheet for sheet in sheets) > 1 for axis in axes):
         axes_of = {name: ", ".join(sheet) for name, sheet in zip(names, sheets, strict=True)}
         raise OptionError(argument="calibrations", expected="calibrations with an axis in common", got=axes_of)
-    rows = _adjust([row for axis in axes for row in _of_axis(axis, sheets, names)], size)
+    uses = [found.number_verdicts if isinstance(found, Calibration) else {} for found in calibrations]
+    rows = _adjust([row for axis in axes for row in _of_axis(axis, sheets, uses, names)], size)
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
-    rejections, failures = (_where(calibrations, names, of) for of in (rejected_axes, lambda found: found.failed))
-    refused = _where(calibrations, names, _refusals)
+    rejections, failures = (_where(calibrations, names, of) for of in (_too_narrow, lambda found: found.failed))
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
-        failed=failures, refused=refused, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
+        failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
     )  # fmt: skip
 
 
@@ -159,13 +160,14 @@ def _where(
     return recordings
 
 
-def _refusals(calibration: Calibration) -> list[str]:
-    """Return the names of the numbers that must not be used."""
-    verdicts = calibration.number_verdicts.items()
-    return [f"{axis}.{symbol}" for axis, of_axis in verdicts for symbol, one in of_axis.items() if one.refused]
+def _too_narrow(calibration: Calibration) -> list[str]:
+    """Return the axes whose model is rejected, unless their intervals include the error of the model."""
+    return [axis for axis in rejected_axes(calibration) if not calibration.axes[axis].model_error]
 
 
-def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequence[str]) -> list[SharedNumber]:
+def _of_axis(
+    axis: str, sheets: Sequence[Mapping[str, Datasheet]], uses: Sequence[Verdicts], names: Sequence[str]
+) -> list[SharedNumber]:  # fmt: skip
     """Return the numbers of one axis, each with the p-value of its test, not adjusted for the number of tests."""
     axis_sheets = [sheet.get(axis) for sheet in sheets]
     units = {sheet.unit: name for sheet, name in zip(axis_sheets, names, strict=True) if sheet is not None}
@@ -183,17 +185,20 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         frequencies = [entry.frequency for entry, _ in pairs if entry.frequency is not None]
         # Two peaks within a tenth of their frequency are the same one: a mount moves a resonance by less.
         alike = alike and (not frequencies or max(frequencies) < 1.1 * min(frequencies))
-        usable = [(entry, _quantile(sheet)) for entry, sheet in pairs if _is_known(entry)]
+        row = SharedNumber(
+            axis=axis, symbol=symbol, title=first.title, unit=first.unit, entries=entries,
+            use=tuple(of[axis][symbol].usability.value if symbol in of.get(axis, ()) else None for of in uses),
+        )  # fmt: skip
+        known = sum(_is_known(entry) for entry, _ in pairs)
+        usable = [
+            (entry, _quantile(sheet)) for entry, sheet in zip(row.usable, axis_sheets, strict=True)
+            if entry is not None and sheet is not None and _is_known(entry)
+        ]  # fmt: skip
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
-        reason = "interval" if len(usable) < 2 else ""
+        reason = "interval" if known < 2 else "use" if len(usable) < 2 else ""
         reason = "models" if not alike else "one recording" if len(pairs) < 2 else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
-        rows.append(
-            SharedNumber(
-                axis=axis, symbol=symbol, title=first.title, unit=first.unit, entries=entries, pvalue=pvalue,
-                reason=reason,
-            )
-        )  # fmt: skip
+        rows.append(replace(row, pvalue=pvalue, reason=reason))
     return rows
 
 
@@ -277,7 +282,7 @@ def _of_sensors(
             points = [
                 _point(entry, _quantile(sheet[row.axis]), signed=False)
                 if entry is not None and _is_known(entry) and not entry.upper_only else (math.nan, math.nan)
-                for entry, sheet in zip(row.entries, sheets, strict=True)
+                for entry, sheet in zip(row.usable, sheets, strict=True)
             ]  # fmt: skip
             if sum(math.isfinite(x) for x, _ in points) > 1:
                 logs[row.axis] = points

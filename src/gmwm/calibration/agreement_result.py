@@ -12,6 +12,7 @@ from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.results import Difference, DifferenceTests
 from gmwm.base.text import TEXT_WIDTH, Named, round_text
+from gmwm.calibration.number_verdicts import Usability
 from gmwm.calibration.tables import bullet, fitting_tables, key, number, wrap_text
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.values import Reference
@@ -22,6 +23,7 @@ _ABSENT, _FAILED = "not recorded", "not calibrated"
 _SAME, _OTHER = "=", "≠"
 _ANSWERS = {True: _SAME, False: _OTHER, None: ""}
 _LOWEST: Literal["B"] = "B"
+DO_NOT_USE = Usability.DO_NOT_USE.value
 
 
 def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
@@ -95,7 +97,7 @@ def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
     """Format the number in recording `k`, or the reason why there is none."""
     entry = row.entries[k]
     if entry is not None:
-        return number(entry) + (" ✗" if found.labels[k] in found.refused.get(f"{row.axis}.{row.symbol}", ()) else "")
+        return number(entry) + (" ✗" if row.use[k] == DO_NOT_USE and entry.high != math.inf else "")
     return _NONE if found.models[row.axis][k] is not None else _why_absent(found, row.axis, k)
 
 
@@ -104,11 +106,12 @@ def _unit(row: SharedNumber) -> str:
 
 
 def _legend(found: Agreement) -> str:
-    shown = (entry for row in found.rows if _is_shown(found, row) for entry in row.entries)
-    named = key(entry for entry in shown if entry is not None)
+    shown = [row for row in found.rows if _is_shown(found, row)]
+    named = key(entry for row in shown for entry in row.entries if entry is not None)
+    refused = any("✗" in _cell(found, row, k) for row in shown for k in range(len(found.labels)))
     return (
         f"{named}. N, K, Q and B are compared whatever the models are; numbers of a single recording are left out. "
-        f"±, +a/−b, a … b: confidence interval; ≤: upper limit; {'✗: do not use; ' if found.refused else ''}"
+        f"±, +a/−b, a … b: confidence interval; ≤: upper limit; {'✗: do not use, not compared; ' if refused else ''}"
         f"{_NONE}: not in the model. "
         f"{_SAME}: no difference found; {_OTHER}: they differ by more than chance. p: adjusted by Holm's method."
     )
@@ -150,6 +153,9 @@ class SharedNumber(Documented):
         Axis, symbol and title of the number, and its SI unit.
     entries : tuple of (Entry or None)
         The number in each recording; None if the model of the recording does not have it.
+    use : tuple of (str or None)
+        Whether the number of each recording can be used, as in `Calibration.number_verdicts`: "use", "use as a
+        bound" or "do not use". None if it is not known.
     pvalue : float or None
         p-value of the test that all recordings have the same value; None if the number was not tested.
     adjusted : float or None
@@ -158,8 +164,8 @@ class SharedNumber(Documented):
         Whether `adjusted` is above the significance level; None if the number was not tested.
     reason : str
         Why the number was not tested: "models" (it depends on the model, and the models differ), "one recording" (only
-        one has it), "kinds" (B has different definitions) or "interval" (fewer than two values have a confidence
-        interval); "" if it was tested.
+        one has it), "kinds" (B has different definitions), "interval" (fewer than two values have a confidence
+        interval) or "use" (fewer than two of these may be used); "" if it was tested.
     reference : Reference or None
         The reference value, for example of the manufacturer; None if none was given.
     """
@@ -169,14 +175,15 @@ class SharedNumber(Documented):
     title: str
     unit: str
     entries: tuple[Entry | None, ...]
+    use: tuple[str | None, ...]
     pvalue: float | None = None
     adjusted: float | None = None
     agrees: bool | None = None
     reason: str = ""
     reference: Reference | None = None
     document_keys = (
-        "axis", "symbol", "title", "unit", "entries", "apart", "pvalue", "adjusted", "agrees", "reason", "reference",
-        "ratios",
+        "axis", "symbol", "title", "unit", "entries", "use", "apart", "pvalue", "adjusted", "agrees", "reason",
+        "reference", "ratios",
     )  # fmt: skip
 
     @property
@@ -185,9 +192,14 @@ class SharedNumber(Documented):
         return next((entry.name for entry in self.entries if entry is not None), self.symbol)
 
     @property
+    def usable(self) -> tuple[Entry | None, ...]:
+        """The number in each recording, None also where it must not be used."""
+        return tuple(None if use == DO_NOT_USE else each for each, use in zip(self.entries, self.use, strict=True))
+
+    @property
     def apart(self) -> float | None:
-        """Ratio of the largest to the smallest value, minus 1; None for fewer than two values or a value ≤ 0."""
-        values = [entry.value for entry in self.entries if entry is not None and not entry.upper_only]
+        """Ratio of the largest to the smallest usable value, minus 1; None for fewer than two or a value ≤ 0."""
+        values = [entry.value for entry in self.usable if entry is not None and not entry.upper_only]
         return max(values) / min(values) - 1 if len(values) > 1 and min(values) > 0 else None
 
     @property
@@ -242,7 +254,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     models : mapping of axis to tuple of (str or None)
         The model of the axis in each recording; None if the recording has no model for it.
     rejected : mapping of axis to tuple of str
-        Names of the recordings in which a goodness-of-fit test rejects the model. Their intervals are too narrow.
+        Names of the recordings in which a goodness-of-fit test rejects the model, so that intervals are too narrow.
     size : float
         Significance level of the tests of all numbers together, and of the tests of all sensors together.
     unmatched : tuple of str
@@ -251,8 +263,6 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         Names of the recordings in which the axis could not be calibrated.
     sensors : tuple of SensorFactors
         Tests of N and K of all axes of a sensor together.
-    refused : mapping of str to tuple of str
-        Names of the recordings in which a number, such as "gyro_x.N", must not be used.
     """
 
     labels: tuple[str, ...]
@@ -263,7 +273,6 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
     unmatched: tuple[str, ...] = ()
     failed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sensors: tuple[SensorFactors, ...] = ()
-    refused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def compared(self) -> tuple[SharedNumber, ...]:
@@ -281,7 +290,7 @@ class Agreement(DifferenceTests, Sequence[SharedNumber]):
         tests = []
         for row in self.compared:
             values = {
-                label: entry for label, entry in zip(self.labels, row.entries, strict=True)
+                label: entry for label, entry in zip(self.labels, row.usable, strict=True)
                 if entry is not None and not entry.upper_only and entry.value > 0
             }  # fmt: skip
             centre = geometric_mean(entry.value for entry in values.values()) if values else 1.0
@@ -389,7 +398,7 @@ def _name(row: SharedNumber) -> str:
 
 def _difference(row: SharedNumber) -> Remark:
     """Return the remark on a number that differs between recordings, with its values and p-value."""
-    entries = [entry for entry in row.entries if entry is not None]
+    entries = [entry for entry in row.usable if entry is not None]
     unit = entries[0].in_units("datasheet")[3]
     return Remark.of(
         "recordings-differ", _name(row), case="agreement", values=tuple(number(entry) for entry in entries), unit=unit,
