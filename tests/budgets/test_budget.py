@@ -11,7 +11,7 @@ import gmwm
 from gmwm.applications.navigation import Budget, budget
 from gmwm.applications.navigation.api import EARTH_RADIUS_M, BudgetAxis, mean_squares, navigation
 from gmwm.base.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.choosing.datasheets.entry import significant
+from gmwm.base.text import round_text
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
 from gmwm.theory.processes import Model
 from tests.helpers import only, raises
@@ -282,7 +282,7 @@ def test_an_upper_limit_is_stated_everywhere_in_the_same_way(fits):
     tilt = found["tilt_x"]
     limit = replace(tilt, low=np.zeros_like(tilt.low), high=4 * tilt.error)
     limited = replace(found, growths={"tilt_x": limit})
-    text = f"≤ {significant(4 * float(tilt.error[-1]), 3)}"
+    text = f"≤ {round_text(4 * float(tilt.error[-1]), 3)}"
     after, *_, growth = (line for line in limited.summary().splitlines() if text in line)
     assert f"tilt {text} deg" in after
     assert growth.split()[2:4] == text.split()

@@ -117,11 +117,10 @@ def test_numbers_in_words_keep_three_digits(value):
 
 
 def test_a_figure_has_one_form_of_tick_labels():
-    axes = [value_axis((1e-2, 1.0), "small"), value_axis((1e-5, 1.0), "smaller")]
+    axes = [value_axis((1e-2, 1.0), "error"), value_axis((1e-5, 1.0), "error"), value_axis((1e-2, 1.0), "ratio")]
     x = time_axis(np.array([1.0, 10.0]), "τ (s)")
-    mixed = Figure(((Panel(x, axes[0], ()), Panel(x, axes[1], ())),))
-    labels = {tick.label for panel in one_tick_form(mixed).panels for tick in panel.y.ticks}
-    assert "10⁻²" in labels
-    assert not any("." in label for label in labels)
-    plain = Figure(((Panel(x, axes[0], ()),),))
-    assert one_tick_form(plain) is plain
+    mixed = one_tick_form(Figure((tuple(Panel(x, axis, ()) for axis in axes),)))
+    labels = [[tick.label for tick in panel.y.ticks] for panel in mixed.panels]
+    assert "10⁻²" in labels[0]
+    assert not any("." in label for label in labels[0] + labels[1])
+    assert labels[2] == ["0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1"]  # another quantity has its own form

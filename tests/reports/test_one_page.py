@@ -41,6 +41,14 @@ def test_cautions_are_three_of_two_sentences_and_a_count(calibration, monkeypatc
 
 
 @pytest.mark.slow
+def test_what_all_recordings_share_is_stated_once(calibration):
+    named = {name: dataclasses.replace(calibration.recording, file=f"{name}.csv", sha256=name) for name in ("a", "b")}
+    facts = dict(one_page_data(dataclasses.replace(calibration, recording=None, recordings=named))["facts"])
+    assert facts["Sampling rate"] == f"{calibration.recording.rate:g} Hz"
+    assert facts["SHA-256"] == "a; b"
+
+
+@pytest.mark.slow
 def test_the_column_of_the_bias_is_left_out_without_one(calibration):
     axes = {axis: dataclasses.replace(found, rest=None) for axis, found in calibration.axes.items()}
     data = one_page_data(dataclasses.replace(calibration, axes=axes))

@@ -21,7 +21,7 @@ Kind = Literal[
 ]  # fmt: skip
 """Kinds of events; see `Event`."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
-_SHOWN = {"rad/s": ("deg/s", 180.0 / math.pi), "rad/s²": ("deg/s²", 180.0 / math.pi)}
+SHOWN = {"rad/s": ("deg/s", 180.0 / math.pi), "rad/s²": ("deg/s²", 180.0 / math.pi)}
 """Displayed unit for each SI unit, with the conversion factor."""
 
 
@@ -91,7 +91,7 @@ class Event:
         >>> Event(kind="jump", time=3596.2, began=3596.1, axis="gyro_x", size=0.0019, unit="rad/s").description
         'level jumped by 0.11 deg/s'
         """
-        unit, factor = _SHOWN.get(self.unit, (self.unit, 1.0))
+        unit, factor = SHOWN.get(self.unit, (self.unit, 1.0))
         amount = "" if self.size is None else round_text(self.size * factor)
         scale = "" if self.scale is None else f" at a scale of {round_text(self.scale)} s"
         unit_error = "; check the unit" if 45 < (self.ratio or 0.0) < 70 else ""  # deg/s that are stated as rad/s

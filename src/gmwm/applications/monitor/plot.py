@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gmwm.applications.monitor import Event, Trace
+from gmwm.applications.monitor.axis import SHOWN
 from gmwm.applications.monitor.consistency import AxisConsistency, Consistency
 from gmwm.base.atomic_files import write_text
 from gmwm.base.errors import DataError, OptionError
@@ -30,11 +31,12 @@ _CHARTS = {"noise up": ("Noise up", ORANGE), "noise down": ("Noise down", GREEN)
 def _signal(trace: Trace, axis: str, events: Sequence[Event], *, x: Axis, scale: tuple[float, float]) -> Panel:
     times, extremes = trace.signal(axis)
     first, size = scale
-    shown = view_of(SI_UNIT[axis_quantity(axis)] if axis in AXES else "", "allan", "si")
-    low, high = shown.factor * extremes[:, 0], shown.factor * extremes[:, 1]
+    si = SI_UNIT[axis_quantity(axis)] if axis in AXES else ""
+    unit, factor = SHOWN.get(si, (si, 1.0))
+    low, high = factor * extremes[:, 0], factor * extremes[:, 1]
     middle = float(np.median(0.5 * (low + high)))
     low, high = low - middle, high - middle
-    y = even_axis(float(low.min()), float(high.max()), shown.unit, margin=0.1, at_most=4)
+    y = even_axis(float(low.min()), float(high.max()), unit, margin=0.1, at_most=4)
     marks: list[Mark] = [Band((times - first) / size, low, high, BLUE, opacity=0.8, label="Signal less its median")]
     if events:
         # One interrupted curve of vertical lines.

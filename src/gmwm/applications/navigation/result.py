@@ -14,8 +14,7 @@ from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
-from gmwm.base.text import Summarised, align, duration_text
-from gmwm.choosing.datasheets.entry import significant
+from gmwm.base.text import Summarised, align, duration_text, round_text
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -217,17 +216,17 @@ def number_text(one: Growth, time: float, largest_number: float = np.inf) -> str
     if value >= largest_number:
         return f"> {largest_number:g}"
     limit = bool(one.upper_only[min(int(np.searchsorted(one.times, time)), len(one.times) - 1)])
-    return f"{'≤ ' if limit else ''}{significant(value, 3)}"
+    return f"{'≤ ' if limit else ''}{round_text(value, 3)}"
 
 
 def error_text(one: Growth, k: int = -1) -> str:
     """Format an error at the k-th time with its interval and unit. The default is the last time."""
     value, low, high = (float(values[k]) for values in (one.error, one.low, one.high))
     if low == high:
-        return f"{significant(value, 3)} {one.unit}"
+        return f"{round_text(value, 3)} {one.unit}"
     if one.upper_only[k]:
-        return f"≤ {significant(high, 3)} {one.unit}"
-    return f"{significant(value, 3)} ({significant(low, 3)} … {significant(high, 3)}) {one.unit}"
+        return f"≤ {round_text(high, 3)} {one.unit}"
+    return f"{round_text(value, 3)} ({round_text(low, 3)} … {round_text(high, 3)}) {one.unit}"
 
 
 def merged_terms(growth: Growth) -> dict[str, Vector]:
@@ -243,7 +242,7 @@ def terms_text(one: Growth) -> str:
     """Format the largest contributions to an error at the last time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
     parts = sorted(((float(values[-1]), label) for label, values in merged_terms(one).items()), reverse=True)
     named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[-1])]
-    return ", ".join(f"{label} {significant(value, 2)}" for value, label in named[:3])
+    return ", ".join(f"{label} {round_text(value, 2)}" for value, label in named[:3])
 
 
 def _growth(budget: Budget) -> list[str]:

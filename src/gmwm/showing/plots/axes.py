@@ -91,13 +91,12 @@ def _tick_texts(values: Sequence[float]) -> list[str]:
 
 
 def one_tick_form(figure: Figure) -> Figure:
-    """Return the figure with powers of ten on all of its logarithmic value axes, if any of them needs powers of ten."""
-    axes = [panel.y for panel in figure.panels if panel.y.linear == 0]
-    if not any(tick.label.startswith("10") and tick.label[2:3] in _POWERS for axis in axes for tick in axis.ticks):
-        return figure
+    """Return the figure with powers of ten on all logarithmic axes of a quantity, if one of them needs such."""
+    ticks = [(panel.y.label, tick.label) for panel in figure.panels if panel.y.linear == 0 for tick in panel.y.ticks]
+    powers = {label for label, text in ticks if text[:2] == "10" and text[2:3] in _POWERS}
 
     def renamed(panel: Panel | None) -> Panel | None:
-        if panel is None or panel.y.linear:
+        if panel is None or panel.y.linear or panel.y.label not in powers:
             return panel
         ticks = tuple(Tick(tick.value, tick.label and power_text(tick.value)) for tick in panel.y.ticks)
         return replace(panel, y=replace(panel.y, ticks=ticks))

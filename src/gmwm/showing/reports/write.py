@@ -213,13 +213,14 @@ def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
 
 
 def _facts(calibration: Calibration) -> dict[str, str]:
-    """Return the facts on the recording by name. For several recordings, a value lists those of the first three."""
+    """Return the facts on the recording by name. For several recordings, a value lists the first three, unless all are
+    the same."""
     recording = recording_facts(calibration)
     facts = {name: value for name, value in recording["facts"] if name in FACTS}
     for title, *values in recording["rows"][1:]:
         if title in FACTS:
             more = [f"and {len(values) - 3} more"] if len(values) > 3 else []
-            facts[title] = "; ".join([*values[:3], *more])
+            facts[title] = values[0] if len(set(values)) == 1 else "; ".join([*values[:3], *more])
     return facts
 
 
