@@ -34,7 +34,8 @@ def test_the_picture_shows_signal_event_and_charts() -> None:
     assert charts is not None
     assert signal.x.label == "Time since the first sample, at 1700000000 s (min)"
     band = signal["Signal less its median"]
-    assert np.nanmax(band.upper) > 0.005  # type: ignore[union-attr]
+    assert signal.y.label == "deg/s"  # the unit of the events
+    assert np.nanmax(band.upper) > np.degrees(0.005)  # type: ignore[union-attr]
     assert np.nanmin(signal["Event"].x) == pytest.approx((event.time - EPOCH) / 60.0)
     level = charts["Level"]
     assert level.y.max() >= 1.0  # type: ignore[union-attr]
