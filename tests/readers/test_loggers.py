@@ -7,6 +7,7 @@ import struct
 from datetime import datetime, timedelta
 
 import numpy as np
+import pandas
 import pytest
 
 import gmwm
@@ -130,7 +131,10 @@ PROGRAMS = [
         "time,status,I.pqr[0],I.pqr[1],I.pqr[2],I.acc[0],I.acc[1],I.acc[2]", "{t:.3f},0,{g},{a}"), options=SI),
     Layout("columns of another language", "WitMotion's program in Chinese", table(
         "时间;角速度X(°/s);角速度Y(°/s);角速度Z(°/s);加速度X(g);加速度Y(g);加速度Z(g)", "{ms};{g};{a}", deg=True,
-        g=True), remarks=("left-out",)),
+        g=True), encoding="gb18030"),
+    Layout("VectorNav's exporter", "VectorNav SDK, getMeasurementName", table(
+        "timeStartup,uncompAccelX,uncompAccelY,uncompAccelZ,uncompGyroX,uncompGyroY,uncompGyroZ,temperature",
+        "{k}0000000,{a},{g},25.0"), remarks=("file-content",)),
     Layout("Unicode text of Excel", "Excel, Unicode Text (*.txt): UTF-16 with tabs", table(
         "time [s]\t" + _AXES.replace(",", "\t"), "{t:.3f}\t{g}\t{a}", deg=True, g=True), "log.txt", encoding="utf-16"),
     Layout("redirected output of PowerShell", "PowerShell documentation, about_Character_Encoding", lambda: table(
@@ -197,6 +201,13 @@ def vector(values: np.ndarray) -> dict[str, float]:
     return dict(zip("xyz", values.tolist(), strict=True))
 
 
+def columns() -> dict[str, list[float]]:
+    """Return the time and the six axes, by their names."""
+    names = ("t", *(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"))
+    rows = np.column_stack([np.arange(SIZE) / 100, GYRO, ACCEL])
+    return dict(zip(names, rows.T.tolist(), strict=True))
+
+
 def echo(seconds: str, fraction: str) -> str:
     """Return messages as rostopic prints them."""
     return "".join(
@@ -224,6 +235,10 @@ RECORDS = [
     Layout("a list of objects", "to_json of pandas, orient='records'", lambda: "[" + ",\n".join(
         objects(lambda k: {"t": k / 100, "gyro": GYRO[k].tolist(), "acc": ACCEL[k].tolist()}).splitlines()) + "]",
         "log.json", options=SI),
+    *(Layout(f"a document of pandas, {form}", f"to_json of pandas, orient={form!r}",
+             lambda form=form: pandas.DataFrame(columns()).to_json(orient=form), "log.json", options=SI)
+      for form in ("split", "columns", "index", "table")),
+    Layout("columns of lists", "JSON of JavaScript", lambda: json.dumps(columns(), indent=1), "log.json", options=SI),
     *(Layout(f"rostopic echo with {fraction}", "ROS wiki, rostopic; ROS 2 tutorials, ros2 topic echo",
              lambda pair=(seconds, fraction): echo(*pair), "echo.txt")
       for seconds, fraction in (("secs", "nsecs"), ("sec", "nanosec"))),
@@ -339,7 +354,7 @@ def test_the_only_bag_of_a_folder_is_read(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "code"),
-    [(b"{\"a\":" * 5000 + b"1" + b"}" * 5000, "no-numbers"), (b"[{\"a\":1}", "cut-off"),
+    [(b"{\"a\":" * 5000 + b"1" + b"}" * 5000, "cut-off"), (b"[{\"a\":1}", "cut-off"),
      (b"{\"t\": 1, \"gx\": {}}\n" * 20, "no-time")],
     ids=["nested", "cut", "no numbers"],
 )  # fmt: skip

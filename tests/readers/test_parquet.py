@@ -21,6 +21,18 @@ def saved(folder, **columns):
     return path
 
 
+def test_arrow_files_are_read_as_parquet_files_are(tmp_path, monkeypatch):
+    for compression in ("uncompressed", "lz4", "zstd"):
+        path = tmp_path / f"static[{compression}].feather"
+        pl.DataFrame({"gyro_x [rad/s]": NOISE}).write_ipc(path, compression=compression)
+        for rows in (7, 51):
+            monkeypatch.setattr(parquet, "TABLE_ROWS", rows)
+            assert read(path, rate=10)["gyro_x"].values.tolist() == NOISE.tolist()
+    path.write_bytes(path.read_bytes()[:500])
+    with raises(ReadError, str(path)):
+        read(path, rate=10)
+
+
 def test_slices_of_any_size_give_the_same(tmp_path, monkeypatch):
     path = saved(tmp_path, **{"gyro_x [rad/s]": NOISE})
     for rows in (1, 7, 50, 51):

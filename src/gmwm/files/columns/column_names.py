@@ -11,11 +11,11 @@ from gmwm.files.contract import Channel
 
 _GYRO = {
     "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
-    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr", "angularvel",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro", "ω", "pqr", "angularvel", "角速度",
 }  # fmt: skip
 _ACCEL = {
     "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
-    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc", "accl", "gforce",
+    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc", "accl", "gforce", "加速度",
 }  # fmt: skip
 _OTHER = {
     "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
@@ -27,7 +27,7 @@ _TIME = {
     "secondselapsed", "timeelapsed", "elapsedtime", "elapsed", "headerstamp", "fieldheaderstamp",
     "sampletime", "sampletimefine", "seconds", "sec", "ts", "timestartup", "gpstow",
 }  # fmt: skip
-_TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
+_TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature", "温度"}
 
 # Strings in brackets that are not units: the source of the data, the clock, or a note that the data are raw.
 _REMARKS = {

@@ -169,13 +169,15 @@ def recoded(source: FileSource) -> FileSource:
 
 
 def text_encoding(head: bytes) -> str:
-    """Return the encoding of UTF-16 text, by its mark or by the zeros in every second byte; "" for other text.
+    """Return the encoding of UTF-16 text, by its mark or by zeros in every second byte, or of Chinese text; else "".
 
     >>> text_encoding("time,gx".encode("utf-16-be")), text_encoding(b"time,gx")
     ('utf-16-be', '')
     """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    if "速度".encode("gb18030") in head:  # end of the names of accelerations and angular rates in Chinese
+        return "gb18030"
     halves = {"utf-16-be": head[::2], "utf-16-le": head[1::2]}
     name = next((name for name, half in halves.items() if head[1:] and 3 * half.count(0) > 2 * len(half)), "")
     return name if name and "".join(head[:400].decode(name, "replace").split()).isprintable() else ""

@@ -1,7 +1,8 @@
-"""Read Parquet files with Polars, in slices of rows."""
+"""Read Parquet files, and the Arrow files that Feather is today, with Polars in slices of rows."""
 
 from __future__ import annotations
 
+import glob
 import os
 from collections.abc import Iterator, Sequence
 from io import BytesIO
@@ -22,14 +23,16 @@ if TYPE_CHECKING:
 
 TABLE_ROWS = 1 << 18  # rows of a chunk. 2²⁰ rows need 200 MB more for six axes; fewer decode one row group more often
 
+_ARROW = b"ARROW1"
+
 
 @register
 class ParquetReader(Reader):
-    """Reader of Parquet files."""
+    """Reader of Parquet and Arrow files."""
 
     name: ClassVar[str] = "parquet"
-    extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
-    signatures: ClassVar[tuple[bytes, ...]] = (b"PAR1",)
+    extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq", ".feather", ".arrow")
+    signatures: ClassVar[tuple[bytes, ...]] = (b"PAR1", _ARROW)
     single: ClassVar[bool] = True
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -43,7 +46,7 @@ class ParquetReader(Reader):
             row = () if first.is_empty() else tuple(map(_first_cell, first.get_columns()))
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
-            raise damage_error(f"{path} is not a complete Parquet file ({reason})", "incomplete") from error
+            raise damage_error(f"{path} is not a complete Parquet or Arrow file ({reason})", "incomplete") from error
         channels = tuple(
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
@@ -89,11 +92,13 @@ def _scan(path: Path) -> pl.LazyFrame:
     require_threads(path)
     import polars as pl
 
+    with path.open("rb") as file:
+        scan = pl.scan_ipc if file.read(len(_ARROW)) == _ARROW else pl.scan_parquet
     try:
-        os.fspath(path).encode()
+        name = os.fspath(path).encode().decode()
     except UnicodeEncodeError:
-        return pl.scan_parquet(BytesIO(path.read_bytes()))
-    return pl.scan_parquet(path, glob=False)
+        return scan(BytesIO(path.read_bytes()))
+    return scan(glob.escape(name))
 
 
 def _first_cell(series: pl.Series) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -115,6 +115,25 @@ def is_object(message: bytes) -> bool:
         return False
 
 
+def _samples(document: Any) -> Iterable[Any]:
+    """Return the samples of a document: a list of them, a column for each name, or a table of pandas in any form.
+
+    >>> list(_samples({"columns": ["gx", "gy"], "index": [0], "data": [[1, 2]]}))
+    [{'gx': 1, 'gy': 2}]
+    >>> list(_samples({"gx": {"0": 1}, "gy": {"0": 2}})) == list(_samples({"0": {"gx": 1, "gy": 2}}))
+    True
+    """
+    if not isinstance(document, dict) or not all(isinstance(value, dict | list) for value in document.values()):
+        return document if isinstance(document, list) else [document]
+    if isinstance(rows := document.get("data"), list):
+        names = document.get("columns", ())
+        return [dict(zip(names, row, strict=True)) if isinstance(row, list) else row for row in rows]
+    if all(name.isdecimal() for name in document):
+        return document.values()
+    columns = [column.values() if isinstance(column, dict) else column for column in document.values()]
+    return [dict(zip(document, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
 def _plain(kind: Any, long: bool) -> Any:
     """Return the type with which a field is read."""
     import polars as pl
@@ -181,14 +200,15 @@ class _JsonSource(ConvertedSource):
         return io.BufferedReader(BlockStream(self._blocks(file), file), 1 << 18)
 
     def objects(self, file: BinaryIO) -> Iterator[bytes]:
-        """Yield the objects of a file, one in each line."""
-        first = file.readline()
-        if not first.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"["):
-            yield first.removeprefix(b"\xef\xbb\xbf")
-            yield from (line for line in file if not line.isspace())
+        """Yield the objects of a file, one in each line, or of a document with all samples (`_samples`)."""
+        first = file.readline().removeprefix(b"\xef\xbb\xbf")
+        second = next((line for line in file if not line.isspace()), b"")
+        if second and not first.lstrip().startswith(b"[") and first.strip() != b"{":
+            yield first
+            yield from (line for line in chain([second], file) if not line.isspace())
             return
         try:
-            entries = json.loads(first + file.read())
+            entries = _samples(json.loads(first + second + file.read()))
         except (ValueError, RecursionError) as error:
             raise ReadError(
                 f"{self} is not complete JSON ({error})", code="cut-off", advice="Copy the file again."
