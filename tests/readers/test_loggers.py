@@ -252,6 +252,20 @@ def test_a_file_of_a_logger_is_read(tmp_path, layout):
     require_recording(tmp_path / layout.file, layout)
 
 
+def test_lines_of_other_lengths_are_left_out_by_their_first_word(tmp_path):
+    rows = [f"$IMU,{k / 100},{','.join(map(repr, [*GYRO[k].tolist(), *ACCEL[k].tolist()]))}\n" for k in range(SIZE)]
+    (path := tmp_path / "log.txt").write_text(
+        "".join(row + "$GPS,47.1,8.5\n" * (k % 4 == 1) for k, row in enumerate(rows))
+    )
+    names = [None, "time", *(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")]
+    imu = gmwm.read(path, columns=names, **SI)
+    assert imu.segments == ((0, SIZE),)
+    assert np.array_equal(imu["accel_z"].values, ACCEL[:, 2])
+    assert ("$GPS",) in [remark.facts.get("names") for remark in imu.remarks]
+    stream = gmwm.stream(path, columns=names, **SI)
+    assert stream.time_base.gaps == ()
+
+
 def test_noon_and_midnight_on_a_clock_of_12_hours(tmp_path):
     for begin in (datetime(2024, 5, 1, 11, 59, 59), datetime(2024, 5, 1, 23, 59, 59)):
         times = [begin + timedelta(milliseconds=50 * k) for k in range(60)]

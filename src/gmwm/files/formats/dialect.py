@@ -69,6 +69,7 @@ class TextDialect:
     stamp_parts: StampParts | None = None  # the two columns of the time stamps if they have two; None otherwise
     # Replacements in each line before it is split_line. They remove labels of numbers, and arrows after a time
     cleaning: tuple[tuple[bytes, bytes], ...] = ()
+    others: tuple[str, ...] = ()  # first words of lines that are left out
     # the last cell of the file, and the last cell of the line before, if the file ends within a number; empty otherwise
     cut: tuple[str, ...] = ()
 
@@ -108,7 +109,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
         )
     forms = LineForms(names=names) if names else line_forms([line for _, line in body])
     cleaning = (*colours, *forms.replacements)
-    body = [(k, forms.rewritten(line)) for k, line in body]
+    body = [(k, text) for k, line in body if (text := forms.rewritten(line)).strip()]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
     grouped = WITHOUT_POINTS if decimal_comma else None
     if commas == "thousands" and delimiter != ",":
@@ -167,7 +168,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
         rate=_stated_rate(comments, [line for k, line in body[:start]]), stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split_line(line, delimiter)) > 1),
         above=tuple(lines[: first_line - 1]), sensors=_sensors(names, complete),
-        stamp_parts=find_parts(names, complete), cleaning=cleaning,
+        stamp_parts=find_parts(names, complete), cleaning=cleaning, others=forms.others,
     )  # fmt: skip
 
 

@@ -34,6 +34,7 @@ _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
 WEEK = (_WEEK_SECONDS.encode(), b"")  # replacement that removes the week from time stamps such as 2190:345600.005
 COLOURS = (rb"\x1b\[[\d;]*m", b"")  # replacement that removes the colours that loggers write for terminals
 
+_TAG = re.compile(r"[$#]?[A-Za-z]\w*[,;\t ]")
 _DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences
 _MONTH = r"(?:Jan|Feb|Mar|Apr|May|Jun|Jul|Aug|Sep|Oct|Nov|Dec)[a-z]*"
 _DATES = (
@@ -71,6 +72,7 @@ class LineForms:
     replacements: tuple[Replacement, ...] = ()
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()  # first words of lines that are left out
 
     def rewritten(self, line: str) -> str:
         """Return a line with all replacements."""
@@ -110,7 +112,8 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     ('Gyr_x', 'Gyr_y', 'Gyr_z', 'Acc_x')
     """
     sample = [line[:_WIDTH] for line in lines[len(lines) // 2 :][:_SAMPLE]]
-    replacements = list(_times(sample))
+    others = _other_lines(lines)
+    replacements = [*_times(sample), *((rf"(?m)^{re.escape(word)}.*$".encode(), b"") for word in others)]
     if re.search(r"(?i)utc|hhmmss", "".join(lines[: len(lines) // 2][:20])) and all(map(_DIGITS.match, sample)):
         replacements.append((f"(?m){_DIGITS.pattern}".encode(), rb"\1:\2:\3\4"))
     half = len(sample) / 2
@@ -127,7 +130,7 @@ def line_forms(lines: Sequence[str]) -> LineForms:
     readings = Counter(_labelled(line.partition(" -> ")[2] if arrows else line) for line in sample)
     names, units = max(readings, key=lambda reading: readings[reading], default=((), ()))
     if len(names) + len(units) < 2 or readings[names, units] <= half:
-        return LineForms(tuple(replacements))
+        return LineForms(tuple(replacements), others=others)
     spelt = "|".join(re.escape(unit) for unit in sorted({*units, *re.findall(r"\[(.*?)\]", " ".join(names))} - {""}))
     if spelt:
         replacements.append((rf"(?<=[\d.]) {{0,2}}(?:{spelt})(?=[\s,;|]|$)".encode(), b""))
@@ -136,7 +139,22 @@ def line_forms(lines: Sequence[str]) -> LineForms:
         replacements += [(_LABEL.encode(), b""), (rb"(?m)^\s*[A-Z]?\s*[\[(](?=\d)|[\[\](){}]", b" ")]
         names = (*["time"] * arrows, *names)
         replacements.append((rb"(?<!:\d\d)[,;|]", b" "))  # but not a comma before a fraction of a second
-    return LineForms(tuple(replacements), names, units)
+    return LineForms(tuple(replacements), names, units, others)
+
+
+def _other_lines(lines: Sequence[str]) -> tuple[str, ...]:
+    """Return the first words of lines with another length than the lines that begin with the main word, the majority.
+
+    >>> _other_lines(["$IMU,0.1,0.2"] * 9 + ["$GPS,47.0"] * 2)
+    ('$GPS,',)
+    """
+    words = [match[0] if (match := _TAG.match(line)) else "" for line in lines]
+    lengths = {word: {line.count(word[-1]) for line, w in zip(lines, words, strict=True) if w == word}
+               for word, count in Counter(words).items() if word and count > 1}  # fmt: skip
+    main = max(lengths, key=lambda word: words.count(word) * max(lengths[word]), default="")
+    if not main or len(lengths[main]) > 1 or 2 * words.count(main) < len(lines):
+        return ()
+    return tuple(word for word, others in lengths.items() if others.isdisjoint(lengths[main]))
 
 
 def _times(sample: Sequence[str]) -> Iterator[Replacement]:

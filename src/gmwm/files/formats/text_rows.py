@@ -69,8 +69,7 @@ class RowParser:
         """Return the numbers of a block that begins in `line`; None if it has no row."""
         import polars as pl
 
-        for pattern, replacement in self.cleaning:
-            block = pattern.sub(replacement, block)
+        block = self._cleaned(block)
         if self.dialect.decimal_comma and _POINT.search(block):
             self._require_no_thousands(block, line)
         frame = self._table(block, line)
@@ -115,6 +114,7 @@ class RowParser:
 
     def count(self, block: bytes, line: int) -> int:
         """Return the number of rows in a block; it is parsed only if it has quotes or comments."""
+        block = self._cleaned(block)
         if b'"' in block or self.sign in block:
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
@@ -125,6 +125,11 @@ class RowParser:
         blank += begin[0].count(b"\n") if begin else 0
         ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
         return block.count(b"\n") - blank + (not ended) - again
+
+    def _cleaned(self, block: bytes) -> bytes:
+        for pattern, replacement in self.cleaning:
+            block = pattern.sub(replacement, block)
+        return block
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
         """Return the columns of a block, with nulls for missing values; None if it has no row."""
