@@ -11,7 +11,7 @@ from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.template import render
 from gmwm.base.text import Summarised, counted, duration_text, moment, with_minus
 from gmwm.base.time_base import TimeBase
-from gmwm.base.units import usual_unit
+from gmwm.base.units import AXES, usual_unit
 from gmwm.measuring.inspection.knocks import Knock, Step
 from gmwm.measuring.inspection.trends import Swing, Trend
 from gmwm.measuring.regression.result import Regression
@@ -121,8 +121,10 @@ def combined(inspections: Sequence[Inspection]) -> Inspection:
     if not others:
         return first
     gravity = next((item for item in inspections if item.gravity is not None), first)
+    axes = {axis: item for part in inspections for axis, item in part.axes.items()}
+    named = [axis for axis in AXES if axis in axes]  # parts with gaps of their own come last, wherever their axis is
     return replace(
-        first, axes={axis: item for part in inspections for axis, item in part.axes.items()}, gravity=gravity.gravity,
+        first, axes={axis: axes[axis] for axis in dict.fromkeys([*named, *axes])}, gravity=gravity.gravity,
         tilt=gravity.tilt, static=all(part.static for part in inspections),
         knocks=tuple(knock for part in inspections for knock in part.knocks),
         steps=tuple(step for part in inspections for step in part.steps),
