@@ -9,6 +9,7 @@ import pytest
 import gmwm as library
 from gmwm.base.remarks import Dialect
 from gmwm.calibration.summary_text import summary
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import run_calibration
 from gmwm.files.readers import read
@@ -314,13 +315,15 @@ def test_demo_compares_with_the_truth(demo):
     rows = machine.json["comparison"]
     truth = {axis: model.sorted(100.0).parameters for axis, model in reference_imu().items()}
     assert {(r["axis"], r["parameter"]) for r in rows} == {(a, p) for a, values in truth.items() for p in values}
+    text = " ".join(words.out.split())
     for row in rows:
         assert row["truth"] == truth[row["axis"]][row["parameter"]]
         if row["estimate"] is None:
-            assert f"{row['truth']:.2e}       none" in words.out
+            assert f"{significant(row['truth'], 3)} none" in text
             continue
         low, high = row["interval"]
-        assert f"{row['truth']:.2e}   {row['estimate']:.2e}   {low:.2e} … {high:.2e}" in words.out
+        numbers = (significant(x, 3) for x in (row["truth"], row["estimate"], low, high))
+        assert "{} {} {} … {}".format(*numbers) in text
         assert low < row["estimate"] < high
         if row["parameter"] in ("WN.sigma2", "QN.q2"):
             # Four standard errors of 720 000 samples, and more where QN and WN share the first levels.

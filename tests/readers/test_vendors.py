@@ -173,7 +173,7 @@ def test_factors_that_make_no_sense(tmp_path, argument, value, got, facts):
         read(saved(tmp_path, COUNTS, "a.csv"), units={"gyro": "deg/s", "accel": "g"}, **options)
 
 
-@pytest.mark.parametrize("name", ["xsens", "epson", "kalibr", "sensorlogger"])
+@pytest.mark.parametrize("name", ["xsens", "epson", "sensorlogger"])
 def test_cut_foreign_and_mislabelled(tmp_path, name):
     plain = "time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20))
     assert len(read(saved(tmp_path, plain, "a.csv"), format=name)) == 20

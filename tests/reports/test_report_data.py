@@ -22,7 +22,7 @@ from gmwm.showing.reports import content as report_content
 from gmwm.showing.reports.content import citation
 from gmwm.showing.reports.figures import Scale, plotly_panel
 from gmwm.showing.reports.verdict import verdict
-from gmwm.showing.reports.write import _code_as_html, one_page_data, page
+from gmwm.showing.reports.write import one_page_data, page, template
 from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -342,7 +342,8 @@ def test_names_stay_names():
 
 
 def test_names_between_backticks_are_code_and_nothing_else_is():
-    assert str(_code_as_html("see `gmwm info` <b>`a<b`</b>")) == (
+    worded = template("report.html").environment.filters["worded"]
+    assert str(worded("see `gmwm info` <b>`a<b`</b>")) == (
         "see <code>gmwm info</code> &lt;b&gt;<code>a&lt;b</code>&lt;/b&gt;"
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
@@ -14,6 +15,16 @@ from unicodedata import category
 T = TypeVar("T")
 
 TEXT_WIDTH = 80  # largest number of columns of a text on a terminal, its usual width
+
+
+def wrap_text(text: str, begin: str = "") -> list[str]:
+    """Break a text into lines of at most 80 columns. The first one has `begin` in front, the others blanks.
+
+    >>> wrap_text("one " * 30, "- ")[1]
+    '  one one one one one one one one one one one'
+    """
+    blanks = " " * len(begin)
+    return textwrap.wrap(text, TEXT_WIDTH, initial_indent=begin, subsequent_indent=blanks, break_on_hyphens=False)
 
 
 @cache

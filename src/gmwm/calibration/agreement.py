@@ -114,7 +114,10 @@ def agree(
     rows = _adjust([row for axis in axes for row in _of_axis(axis, sheets, uses, names)], size)
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
-    rejections, failures = (_where(calibrations, names, of) for of in (_too_narrow, lambda found: found.failed))
+    rejections = _where(  # intervals include the model error, if there is one
+        calibrations, names, lambda found: [a for a in rejected_axes(found) if not found.axes[a].model_error]
+    )
+    failures = _where(calibrations, names, lambda found: found.failed)
     return Agreement(
         labels=names, rows=tuple(rows), models=models, rejected=rejections, size=float(size), unmatched=unmatched,
         failed=failures, sensors=tuple(_adjust(_of_sensors(rows, sheets, calibrations), size)),
@@ -158,11 +161,6 @@ def _where(
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
             recordings[axis] = (*recordings.get(axis, ()), name)
     return recordings
-
-
-def _too_narrow(calibration: Calibration) -> list[str]:
-    """Return the axes whose model is rejected, unless their intervals include the error of the model."""
-    return [axis for axis in rejected_axes(calibration) if not calibration.axes[axis].model_error]
 
 
 def _of_axis(

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.results import Difference, DifferenceTests
-from gmwm.base.text import TEXT_WIDTH, Named, round_text
+from gmwm.base.text import TEXT_WIDTH, Named, round_text, wrap_text
 from gmwm.calibration.number_verdicts import Usability
-from gmwm.calibration.tables import bullet, fitting_tables, key, number, wrap_text
+from gmwm.calibration.tables import fitting_tables, key, number
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.values import Reference
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -38,7 +38,8 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
                       *fitting_tables(heads, lambda *part: _shared(found, *part))])  # fmt: skip
     parts.append(wrap_text(_legend(found)))
     if remarks := texts(found.remarks, dialect):
-        parts.append(["What to know about the comparison:", *(line for text in remarks for line in bullet(text))])
+        lines = [line for text in remarks for line in wrap_text(text, "- ")]
+        parts.append(["What to know about the comparison:", *lines])
     if referred := [row for row in found.rows if row.reference is not None]:
         table = fitting_tables(heads, lambda *part: _beside(found, referred, *part))
         parts.append(["Measured / reference:", *table, *wrap_text(_about_reference(referred))])

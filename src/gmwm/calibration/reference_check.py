@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.base.documents import Documented
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import Named, Summarised, round_text, table_with_rule
+from gmwm.base.text import Named, Summarised, round_text, table_with_rule, wrap_text
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
 from gmwm.calibration.number_verdicts import Usability
-from gmwm.calibration.tables import wrap_text
 from gmwm.choosing.datasheets import Entry, effective_noise
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise

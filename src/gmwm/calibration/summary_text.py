@@ -12,23 +12,13 @@ import numpy as np
 
 from gmwm.base.remarks import Dialect, Quantity, Severity, brief, merged, texts
 from gmwm.base.template import join_names
-from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, duration_text, p_text, round_text, table_with_rule, wrap_text
 from gmwm.base.units import by_sensor, sensor_of
 from gmwm.calibration.additions import axis_additions
 from gmwm.calibration.findings import equality_remarks
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.number_verdicts import MAIN, NumberVerdict, Usability, Verdicts, as_limit
-from gmwm.calibration.tables import (
-    SENSORS,
-    bullet,
-    fitting_tables,
-    in_order,
-    key,
-    marked,
-    number,
-    with_error,
-    wrap_text,
-)
+from gmwm.calibration.tables import SENSORS, fitting_tables, in_order, key, marked, number, with_error
 from gmwm.choosing.replicates.result import RecordingNumber, short_spread
 from gmwm.choosing.selection.ranking import search_lines
 from gmwm.theory.processes.ordered import Ordered
@@ -165,7 +155,7 @@ def summary(
         parts.append(remarks)
     elif remarks:
         head = f"What to know before using the numbers{' (gmwm explain CODE says more)' if shell else ''}:"
-        parts.append([head, *(line for text in remarks for line in bullet(text))])
+        parts.append([head, *(line for text in remarks for line in wrap_text(text, "- "))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -87,18 +86,6 @@ def with_error(entry: Entry) -> str:
     digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
     shown = round(value, digits) + 0.0  # no minus sign before zero
     return with_minus(f"{shown:.{digits}f} ± {half:.{digits}f}")
-
-
-def wrap_text(text: str) -> list[str]:
-    """Break a text into lines of at most 80 columns."""
-    return textwrap.wrap(text, TEXT_WIDTH, break_long_words=True, break_on_hyphens=False)
-
-
-def bullet(text: str) -> list[str]:
-    """Break the text of a list item into lines of at most 80 columns."""
-    return textwrap.wrap(
-        text, TEXT_WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
-    )
 
 
 def fitting_tables(

@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import gmwm
 from gmwm.base.remarks import Dialect
-from gmwm.base.text import TEXT_WIDTH
+from gmwm.base.text import wrap_text
 from gmwm.calibration import Calibration
 from gmwm.calibration.findings import certificate_of
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.summary_text import summary
-from gmwm.calibration.tables import wrap_text
+from gmwm.choosing.datasheets.entry import significant
 from gmwm.choosing.selection.structure import structure_of
 from gmwm.cli.calibrate import begin_pictures, calibration_files, calibration_helpers, run_calibration
 from gmwm.cli.command import command
@@ -53,14 +53,13 @@ def demo(
     file = make_directory(output) / "imu.csv"
     imu = _simulate(truth, seed, file)
     # The demo takes a minute, so it prints each result at once.
-    say = _silent if json else print
+    say: Callable[[str], None] = (lambda _: None) if json else print  # stdout is reserved for JSON
     say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nRead it from {file}:\n")
     with progress(f"reading {file}"):
         imu = gmwm.read(file)
     with progress("inspecting"):
         inspection = gmwm.inspect(imu)
-    lines = inspection_text(inspection, Dialect.SHELL).splitlines()
-    say("\n".join(part for line in lines for part in ([line] if len(line) <= TEXT_WIDTH else wrap_text(line))) + "\n")
+    say(inspection_text(inspection, Dialect.SHELL) + "\n")
     calibration = run_calibration(imu, CalibrationOptions(), helpers).of_file(file)
     plots = begin_pictures(helpers, calibration, "auto", "auto")
     say(summary(calibration, Dialect.SHELL))
@@ -92,10 +91,6 @@ def _simulate(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     return imu
 
 
-def _silent(_: str) -> None:
-    """Print nothing. This function replaces `print` if stdout is reserved for JSON."""
-
-
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
     """Return rows of simulated parameters with truth, estimate and interval (None if not in the model)."""
     rows = []
@@ -116,10 +111,10 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
         first = k == 0 or rows[k - 1]["axis"] != row["axis"]
         if first and k:
             rules.append(k - 1)
-        numbers = [f"{row['truth']:.2e}", "none", ""]
+        numbers = [significant(row["truth"], 3), "none", ""]
         if row["estimate"] is not None:
             low, high = row["interval"]
-            numbers[1:] = [f"{row['estimate']:.2e}", f"{low:.2e} … {high:.2e}"]
+            numbers[1:] = [significant(row["estimate"], 3), f"{significant(low, 3)} … {significant(high, 3)}"]
         table.append([row["axis"] if first else "", row["parameter"], *numbers])
     shown = table_text(
         ["axis", "parameter", "truth", "estimate", "95 % interval"], table,

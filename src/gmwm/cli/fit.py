@@ -11,6 +11,7 @@ import typer
 
 import gmwm
 from gmwm.base.remarks import Dialect, Remark, texts
+from gmwm.base.text import wrap_text
 from gmwm.base.units import by_sensor
 from gmwm.cli.command import command
 from gmwm.cli.conditions import fit_conditions, require_unused
@@ -269,7 +270,6 @@ def replicates_text(fits: Mapping[str, gmwm.Fit]) -> Iterator[str]:
 
 def fits_text(fits: Mapping[str, gmwm.Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or for several axes a table for each sensor with its axes side by side."""
-    from gmwm.calibration.tables import wrap_text
     from gmwm.fitting.estimation.summary import intervals_if_known
 
     if len(fits) == 1:

@@ -120,12 +120,8 @@ def require_value(name: str, prop: str, value: Any) -> None:
     elif prop == "value":
         _require(isinstance(value, str) and len(value) <= LONGEST.get(name, 4000), f"{name} is no text, or too long")
     else:
-        check = _DATA.get(name, _is_digest if name.endswith("-digest") else _refused)
-        _require(prop == "data" and check(value), f"{name} has another kind of data")
-
-
-def _refused(value: Any) -> bool:
-    return False
+        check = _DATA.get(name, _is_digest if name.endswith("-digest") else None)
+        _require(prop == "data" and check is not None and check(value), f"{name} has another kind of data")
 
 
 def _is_number(value: Any) -> bool:

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.base.remarks import Dialect, Remark, texts
-from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule
+from gmwm.base.text import TEXT_WIDTH, counted, p_relation, table_with_rule, wrap_text
 from gmwm.base.units import letter_of, sensor_of, usual_unit
-from gmwm.calibration.tables import SENSORS, bullet, wrap_text
+from gmwm.calibration.tables import SENSORS
 from gmwm.choosing.datasheets.effective import TITLES
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -37,7 +37,7 @@ def summary(fleet: Fleet, dialect: Dialect = Dialect.PYTHON) -> str:
 
 def _entries(title: str, entries: Sequence[str]) -> list[str]:
     """Return a title and the first entries; nothing without entries."""
-    shown = [line for entry in entries[:MOST_UNITS_LISTED] for line in bullet(entry)]
+    shown = [line for entry in entries[:MOST_UNITS_LISTED] for line in wrap_text(entry, "- ")]
     more = [f"- and {len(entries) - MOST_UNITS_LISTED} more"] if len(entries) > MOST_UNITS_LISTED else []
     return [title, *shown, *more] if entries else []
 
@@ -53,13 +53,13 @@ def _parts(found: FleetStatistics, remarks: Sequence[Remark], dialect: Dialect) 
     parts = [[SENSORS.get(sensor, sensor), *_table(rows)] for sensor, rows in _by_sensor(found.rows).items()]
     parts.append(wrap_text(_legend(found)) if found.rows else ["No numbers to compare"])
     if found.outliers:
-        shown = [line for item in found.outliers[:MOST_UNITS_LISTED] for line in bullet(_outlier(item))]
+        shown = [line for item in found.outliers[:MOST_UNITS_LISTED] for line in wrap_text(_outlier(item), "- ")]
         more = len(found.outliers) - MOST_UNITS_LISTED
         parts.append(["Outliers:", *shown, *([f"- and {more} more numbers"] if more > 0 else [])])
     if differ := [item for item in found.differences if item.differs]:
-        parts.append(["Axes that differ:", *(line for item in differ for line in bullet(_difference(item)))])
+        parts.append(["Axes that differ:", *(line for item in differ for line in wrap_text(_difference(item), "- "))])
     if lines := texts(remarks, dialect):
-        parts.append(["What to know about the fleet:", *(line for text in lines for line in bullet(text))])
+        parts.append(["What to know about the fleet:", *(line for text in lines for line in wrap_text(text, "- "))])
     return parts
 
 

@@ -24,6 +24,7 @@ class KnownTable:
     columns: Sequence[tuple[str, str, str]]
     file: str = ""
     above: str = ""
+    names: Sequence[str] = ()
 
 
 @cache
@@ -32,19 +33,10 @@ def _tables() -> list[KnownTable]:
     return [KnownTable(**table) for table in tomllib.loads(text)["table"]]
 
 
-_NCLT = ("utime", "mag_x", "mag_y", "mag_z", "accel_x", "accel_y", "accel_z", "rot_x", "rot_y", "rot_z")
-_KAIST = (
-    "timestamp", "q_x", "q_y", "q_z", "q_w", "Eul_x", "Eul_y", "Eul_z", "Gyr_x", "Gyr_y", "Gyr_z",
-    "Acc_x", "Acc_y", "Acc_z", "Mag_x", "Mag_y", "Mag_z",
-)  # fmt: skip
-_NAMELESS = {"ms25.csv": _NCLT, "xsens_imu.csv": _KAIST}
-"""Column names of public data sets without header, by file name: NCLT (its description) and KAIST Urban."""
-
-
 def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
     """Return the names of the columns of a file without a header, by the name of the file; () if it is not known."""
-    names = _NAMELESS.get(path.name, ())
-    return names if len(names) == columns else ()
+    known = (tuple(table.names) for table in _tables() if table.names and re.search(table.file, path.stem))
+    return next((names for names in known if len(names) == columns), ())
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:

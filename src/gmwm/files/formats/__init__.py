@@ -3,7 +3,7 @@
 from importlib import import_module
 
 for _module in (
-    "archive", "dataflash", "epson", "hdf5", "waypoint", "kalibr", "matlab", "npy", "oxts", "parquet", "records",
-    "rosbag", "sensorlogger", "sentences", "series", "text", "ulog", "xsens",
+    "archive", "dataflash", "epson", "hdf5", "waypoint", "matlab", "npy", "oxts", "parquet", "records", "rosbag",
+    "sensorlogger", "sentences", "series", "text", "ulog", "xsens",
 ):  # fmt: skip
     import_module(f"{__name__}.{_module}")

@@ -123,10 +123,8 @@ class TextReader(Reader):
         if end:
             dialect = replace(dialect, cut=end)
         units = dialect.units
-        if dialect.others:
-            remarks += (
-                Remark.of("left-out", case="names", kind="lines", names=tuple(word[:-1] for word in dialect.others)),
-            )
+        words = tuple(word[:-1] for word in dialect.others)
+        remarks += (Remark.of("left-out", case="names", kind="lines", names=words),) if words else ()
         if WEEK in dialect.cleaning:
             units = {"time": "s", **units}
             remarks += (Remark.of("time-read", case="read", form="week", clock="GPS"),)

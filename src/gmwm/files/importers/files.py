@@ -307,10 +307,6 @@ def _per_step(value: float, rate: float | None) -> float:
     return value / math.sqrt(rate)
 
 
-def _variance_per_step(value: float, rate: float | None) -> float:
-    return _per_step(math.sqrt(value), rate)
-
-
 def _for_step(step: float) -> Callable[[float, float | None], float]:
     """Return the conversion for a filter with a fixed step Δt (s), which adds (Δt p)² in each step, so N = p √Δt."""
     return lambda value, rate: value * math.sqrt(step)
@@ -404,7 +400,8 @@ FORMATS = (
             rate_key="IMU.Frequency"),
     _format("VINS", ("gyr_n", "gyr_w", "acc_n", "acc_w"), _per_step, needs_rate=True),
     _format("LIO-SAM", ("imuGyrNoise", "imuGyrBiasN", "imuAccNoise", "imuAccBiasN"), _density),
-    _format("FAST-LIO", ("gyr_cov", "b_gyr_cov", "acc_cov", "b_acc_cov"), _variance_per_step, needs_rate=True),
+    _format("FAST-LIO", ("gyr_cov", "b_gyr_cov", "acc_cov", "b_acc_cov"),
+            lambda value, rate: _per_step(math.sqrt(value), rate), needs_rate=True),
     Format("KF-GINS", ("arw",), _kf_gins,
            names={"gyro": {"N": "arw", "sigma": "gbstd"}, "accel": {"N": "vrw", "sigma": "abstd"}}),
     _format("PX4", ("EKF2_GYR_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_NOISE", "EKF2_ACC_B_NOISE"), _for_step(0.010)),

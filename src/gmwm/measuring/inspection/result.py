@@ -9,7 +9,7 @@ from gmwm.base.documents import Documented
 from gmwm.base.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.base.remarks.rendering import MOST_REMARKS
 from gmwm.base.template import render
-from gmwm.base.text import Summarised, counted, duration_text, moment, with_minus
+from gmwm.base.text import Summarised, counted, duration_text, moment, with_minus, wrap_text
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import AXES, usual_unit
 from gmwm.measuring.inspection.knocks import Knock, Step
@@ -191,7 +191,7 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(f"swing of {swing.axis} with a period of {duration_text(swing.period)} and an amplitude of {size}")
     groups = with_groups(inspection.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST_REMARKS + 1 else groups[:MOST_REMARKS]
-    lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]
+    lines += [line for group, sentence in shown for line in wrap_text(f"{group[0].severity.label}: {sentence}")]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
     return with_minus("\n".join(lines))

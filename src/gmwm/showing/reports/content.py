@@ -253,7 +253,7 @@ def _axis(name: str, axis: AxisCalibration, rejected: bool, verdicts: Mapping[st
         ],
         "parameters": _parameters(axis),
         "test": _test(axis, rejected),
-        "rejected": rejected,
+        "rejected": rejected and not axis.model_error,  # intervals include this error
         "certificate": _certificate(fit),
         "ranking": {"rows": _ranking_rows(ranking), "remarks": texts(shown, Dialect.HTML)},
         "search": [step.text() for step in axis.search],

@@ -141,7 +141,7 @@ def template(name: str) -> Any:
         lstrip_blocks=True,
         loader=jinja2.FunctionLoader(lambda name: part(f"page/{name}")),
     )
-    templates.filters["worded"] = _code_as_html
+    templates.filters["worded"] = lambda text: _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
     templates.filters["breakable"] = lambda text: _ours(escape(text).replace("+", "+<wbr>").replace(" ", "&nbsp;"))
     # Remarks are already HTML, in which text from files is escaped.
     templates.filters["rendered"] = lambda text: _ours(text.replace(" %", "&nbsp;%"))
@@ -162,11 +162,6 @@ def _ours(text: str) -> Any:
     from markupsafe import Markup
 
     return Markup(text)
-
-
-def _code_as_html(text: str) -> Any:
-    """Return a text as HTML, with parts between backticks shown as code and everything else escaped."""
-    return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
 
 
 @cache
@@ -213,8 +208,7 @@ def _cautions(calibration: Calibration, dialect: Dialect) -> list[str]:
 
 
 def _facts(calibration: Calibration) -> dict[str, str]:
-    """Return the facts on the recording by name. For several recordings, a value lists the first three, unless all are
-    the same."""
+    """Return the facts on the recording by name. For several recordings, a value is their own, or the first three."""
     recording = recording_facts(calibration)
     facts = {name: value for name, value in recording["facts"] if name in FACTS}
     for title, *values in recording["rows"][1:]:
