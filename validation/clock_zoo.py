@@ -282,6 +282,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Record]] = {
     "100 Hz in us, jitter 10 %, 10 % lost": fine(100.0, 0.1, 0.1),
     "100 Hz in us, jitter 15 %, 1 % lost": fine(100.0, 0.01, 0.15),
     "100 Hz in us, 30 % lost": fine(100.0, 0.3, 0.0),
+    "100 Hz in us, jitter 10 %, 50 % lost": fine(100.0, 0.5, 0.1),
+    "100 Hz in us, jitter 5 %, 60 % lost": fine(100.0, 0.6, 0.05),
     "8000 Hz in us, jitter 5 %, 0.5 % lost": fine(8000.0, 0.005, 0.05),
     "10 Hz in ms, jitter 5 %, 1 % lost": fine(10.0, 0.01, 0.05, per_second=1000, unit="ms"),
     "200 rows of 100 Hz, 2 % lost": fine(100.0, 0.02, 0.0, n=200),

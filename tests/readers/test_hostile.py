@@ -58,6 +58,16 @@ def test_random_losses_are_found_under_jitter(tmp_path, share, jitter):
     assert len(imu.time_base.gaps) == pytest.approx(true, rel=0.01) == len(source.time_base.gaps)
 
 
+def test_time_stamps_without_an_interval_leave_the_rate_open(tmp_path):
+    # With a jitter of 0.3 intervals and 40 % of the rows lost, no statistic of any block finds the interval.
+    rng = np.random.default_rng(1)
+    stamps = np.maximum.accumulate((np.arange(40_000) + 0.3 * rng.standard_normal(40_000)) / 100)
+    path = table(tmp_path / "static.csv", stamps[rng.random(40_000) > 0.4])
+    with warns("rate-ambiguous:unclear"):
+        remark = only(gmwm.read(path).remarks, "rate-ambiguous:unclear")
+    assert remark.facts["rate"].value == pytest.approx(60, rel=0.02)
+
+
 def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path):
     rows = np.delete(np.arange(ROWS), np.s_[7::10])
     path = table(tmp_path / "static.csv", rows / 100)

@@ -32,10 +32,16 @@ class PhaseSearch:
     """Largest share of rows more than 0.75 samples from their level; delays have a heavier tail than jitter."""
     steady: float = 0.85
     """Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
+    clear: float = 0.5
+    """Coherence of blocks below which no interval is found: 0.53 and more with 100 losses beside jitter and rounding,
+    at most 0.5 with a third of the rows lost and a jitter of 0.3 sampling intervals."""
     interval_change: float = 0.02
     """Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
     pauses: float = 2.5
     """Ratio of mean to median interval above which long intervals are pauses between bursts of rows, not losses."""
+    by_chance: float = 0.3
+    """Largest difference, summed over the lengths of intervals, from the geometric law of losses by chance: 0.02 with
+    70 % lost, 0.2 with 30 % and 70 % in turn; above 0.38 for other clocks."""
     long_interval: float = 1.5
     """Interval, in samples, halfway between an interval without a lost sample and an interval with one."""
     long_gap: int = 256
@@ -74,6 +80,7 @@ class SampleLosses:
     lost: Rows
     width: int  # number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples
     repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
+    coherence: float = 1.0  # of neighbouring blocks; `SEARCH.clear` and above if the time stamps show an interval
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> SampleLosses:
@@ -116,24 +123,20 @@ def _steady_losses(ticks: Vector, resolution: float, declared: float | None) -> 
     none = np.empty(0, dtype=np.int64)
     line = _one_line(ticks, resolution)
     contradicts = declared is not None and line is not None and abs(line / declared - 1) > RATE_TOLERANCE
-    uniform = line is not None and (
-        resolution < SEARCH.coarse * line or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line))
-    )
+    fine = line is not None and resolution < SEARCH.coarse * line
+    uniform = line is not None and (fine or bool(np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line)))
     if line is not None and uniform and not contradicts:
         return SampleLosses(line, none, none, 1)
-    single, burst = _typical(ticks), _burst(ticks)
-    mean = _windowed_mean(ticks, burst)
+    typical, burst = _typical(ticks), _burst(ticks)
+    single = _between_losses(ticks, typical)
+    mean = _windowed_mean(ticks, burst) if single == typical else single
     if declared is not None and contradicts:
         steps = np.diff(ticks)
         near = steps[np.abs(steps / declared - 1) < SEARCH.jitter_of_declared]
         single = float(np.median(near)) if near.size else single
     regular = _regular(ticks, single, resolution, mean)
-    agrees = (
-        declared is not None
-        and regular is not None
-        and abs(regular.interval / declared - 1) < SEARCH.agrees_with_declared
-    )
-    if agrees and regular is not None and (line is None or contradicts):
+    agrees = regular and declared and abs(regular.interval / declared - 1) < SEARCH.agrees_with_declared
+    if regular and agrees and (line is None or contradicts):
         return regular  # the declared rate decides between jitter or rounding, and regular losses
     if line is not None and uniform:
         return SampleLosses(line, none, none, 1)
@@ -167,9 +170,24 @@ def resolution_of(ticks: Vector, spacing: float) -> float:
 
 def _typical(ticks: Vector) -> float:
     """Return the median interval of some rows."""
-    return float(
-        np.median(np.diff(ticks[(ticks.size - min(ticks.size, SEARCH.first_rows)) // 2 :][: SEARCH.first_rows]))
-    )
+    first = max(ticks.size - SEARCH.first_rows, 0) // 2
+    return float(np.median(np.diff(ticks[first : first + SEARCH.first_rows])))
+
+
+def _between_losses(ticks: Vector, typical: float) -> float:
+    """Return the interval of which all others are multiples, with the counts of losses by chance; else `typical`."""
+    steps = np.diff(ticks)
+    interval = float(np.quantile(steps, 1 / 8))
+    for _ in range(3):
+        near = steps[np.abs(steps - interval) < 0.5 * interval]
+        interval = float(np.mean(near)) if near.size else typical
+    lost = 1 - interval / float(np.mean(steps))
+    # The coherence of intervals is the square of that of single rows.
+    if interval <= 0 or SEARCH.long_interval * (1 - lost) > 1 or _coherence(ticks / interval) < SEARCH.regular**2:
+        return typical
+    counts = np.bincount(np.clip(np.rint(steps / interval), 0, 31).astype(np.int64), minlength=32)
+    by_chance = np.append(0.0, (1 - lost) * lost ** np.arange(31))
+    return interval if np.sum(np.abs(counts / steps.size - by_chance)) < SEARCH.by_chance else typical
 
 
 def _burst(ticks: Vector) -> float:
@@ -303,8 +321,8 @@ def _close_gaps(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
 
 def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
     """Return the interval at which single rows are coherent, and the slow phase of the rows in samples."""
-    n = ticks.size
-    sample = ticks[(n - min(n, SEARCH.first_rows)) // 2 :][: SEARCH.first_rows]
+    n, first = ticks.size, max(ticks.size - SEARCH.first_rows, 0) // 2
+    sample = ticks[first : first + SEARCH.first_rows]
     steps = np.diff(sample) / interval
     near = steps[np.abs(steps - 1) <= 0.5]
     # With many gaps, the median of all intervals is above the median of those without one.
@@ -382,7 +400,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
             if value - SEARCH.gain_of_doubling * np.log2(size) > best[0] - SEARCH.gain_of_doubling * np.log2(best[1]):
                 best = (value, size, name, refined)
         width *= 2
-    _, width, name, interval = best
+    coherence, width, name, interval = best
     b = _blocks(closed, interval, width, name)
     smooth = _moving_mean(np.exp(2j * np.pi * b), min(_SMOOTH_BLOCKS, b.size))
     phase = np.unwrap(np.angle(smooth)) / (2 * np.pi)
@@ -395,7 +413,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return _with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name)
+    return replace(_with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name), coherence=coherence)
 
 
 def _moving_median(v: Vector, width: int) -> Vector:

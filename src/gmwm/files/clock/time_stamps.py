@@ -26,9 +26,7 @@ _NOMINAL_WINDOW = 64
 _HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
 """Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
-_STAMPS_BEHIND = (
-    8  # time stamps after a backward step that show whether the clock was set back or one stamp is out of order
-)
+_STAMPS_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one is late
 
 
 @dataclass(frozen=True)
