@@ -72,6 +72,20 @@ def test_a_near_model_is_rejected_and_can_be_used(without_random_walk):
     assert code_of(there.verdict) == "verdict:usable"
 
 
+@pytest.mark.parametrize(("factor", "scales", "mark"), [(1.2, "fast", "≤"), (0.8, "fast", "≤"), (1.2, "slow", "✓")])
+def test_n_is_a_limit_if_a_rejected_model_can_move_it_out_of_its_interval(without_random_walk, factor, scales, mark):
+    # A wandering line: N was 4 to 23 % too large, with the mark use. Beside slow swings N is right.
+    found = without_random_walk.axes["gyro_x"]
+    wv, sheet = found.fit.wavelet_variance, found.datasheet
+    near = found.fit.implied * np.where((wv.tau < 2) == (scales == "fast"), factor, 1.0)
+    fit = replace(found.fit, wavelet_variance=replace(wv, variance=near, lower=0.99 * near, upper=1.01 * near))
+    entries = tuple(replace(e, low=0.97 * e.value, high=1.03 * e.value) for e in sheet.values())
+    there = replace(found, fit=fit, datasheet=replace(sheet, entries=entries))
+    verdict = replace(without_random_walk, axes={"gyro_x": there}).number_verdicts["gyro_x"]["N"]
+    assert verdict.usability.mark == mark
+    assert verdict.reason is None or verdict.reason.code == "model-rejected"
+
+
 def test_the_advice_names_the_sinusoidal_process(without_random_walk):
     lines = [name for name, kind in registry.items() if kind.line is not Process.line]
     remark = only(without_random_walk.remarks, "model-misfit")

@@ -15,7 +15,7 @@ from gmwm.base.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_
 from gmwm.base.statistics import holm
 from gmwm.base.text import duration_text, gap_text
 from gmwm.calibration.averaging import WALK, markov_instead_of_walk
-from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of
+from gmwm.calibration.misfit import in_any_recording, line_in, line_process, misfit_of, moves_white_noise
 from gmwm.calibration.number_verdicts import MAIN, OF_FILTER, Usability, affected, counts
 from gmwm.choosing.datasheets.effective import Use, true_times
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, resonances_of
@@ -221,7 +221,11 @@ def _rejection(axis: str, axis_calibration: AxisCalibration) -> Remark:
     has_line = "yes" if sinusoid is None or line_in(axis_calibration.fit.model) is not None else "no"
     far = misfit_of(axis_calibration)
     if far is None or far.times <= LARGE_MISFIT:
-        return Remark.of("model-rejected", axis, case="calibration", line=has_line, sinusoid=sinusoid or "")
+        limit = moves_white_noise(axis_calibration)
+        return Remark.of(
+            "model-rejected", axis, case="calibration", line=has_line, sinusoid=sinusoid or "",
+            limit="yes" if limit else "no", numbers=OF_FILTER[:1] if limit else (),
+        )  # fmt: skip
     side = "above" if far.ratio > 1 else "below"
     numbers: tuple[str, ...] = ("the numbers of this axis",)
     if far.numbers:

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.calibration.number_verdicts import memory_of_filter
+from gmwm.base.arrays import Vector
+from gmwm.calibration.number_verdicts import OF_FILTER, memory_of_filter
 from gmwm.calibration.result import AxisCalibration
 from gmwm.choosing.datasheets.bias import SYMBOL
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.variance.allan_regression import LAWS
 from gmwm.theory.processes import Model
@@ -51,16 +53,9 @@ class LargestMisfit:
 
 def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
     """Return the largest misfit outside the data's limits, or None, among tested levels: others vary too much."""
-    wv = found.fit.wavelet_variance
-    outside = _outside(found.fit) & in_any_recording(found, _outside)
-    if found.test is not None:
-        outside &= np.isin(wv.levels, found.test.levels)
-    # The ratio is undefined if a variance is zero.
-    outside &= (wv.variance > 0) & (found.fit.implied > 0)
-    if not np.any(outside):
+    wv, apart = found.fit.wavelet_variance, _misfits(found)
+    if not np.any(apart):
         return None
-    apart = np.zeros(len(wv))
-    apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
     worst = int(np.argmax(apart))
     tau, ratio = float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst])
     slopes, is_long = {str(symbol): law.slope for symbol, law in LAWS.items()}, tau > _middle(found)
@@ -70,6 +65,27 @@ def misfit_of(found: AxisCalibration) -> LargestMisfit | None:
         name for name in found.datasheet if name in slopes and (is_slow if slopes[name] >= 0 else not is_long)
     )
     return LargestMisfit(tau=tau, ratio=ratio, numbers=numbers)
+
+
+def moves_white_noise(found: AxisCalibration) -> bool:
+    """Return whether the misfit at scales within the horizon of a filter can move N, the root of a variance, beyond its
+    interval, which contains the model error of a mean over all scales."""
+    white, near = found.datasheet[OF_FILTER[0]], found.fit.wavelet_variance.tau <= 2 * DEFAULT_HORIZON_S
+    return (
+        white.high is not None and white.value * math.exp(np.max(_misfits(found)[near], initial=0.0) / 2) > white.high
+    )
+
+
+def _misfits(found: AxisCalibration) -> Vector:
+    """Return the distances (J,) between the logarithms of model and data, 0 within the data's limits."""
+    wv, outside = found.fit.wavelet_variance, _outside(found.fit) & in_any_recording(found, _outside)
+    if found.test is not None:
+        outside &= np.isin(wv.levels, found.test.levels)
+    # The ratio is undefined if a variance is zero.
+    outside &= (wv.variance > 0) & (found.fit.implied > 0)
+    apart = np.zeros(len(wv))
+    apart[outside] = np.abs(np.log(found.fit.implied[outside]) - np.log(wv.variance[outside]))
+    return apart
 
 
 def in_any_recording(found: AxisCalibration, levels: Callable[[Fit], Mask]) -> Mask:
