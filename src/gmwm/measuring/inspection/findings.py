@@ -104,9 +104,10 @@ def of_motion(motion: Motion, tilt: float | None, knocks: tuple[Knock, ...], ext
     for axis in motion.ratios:
         ratio = max(motion.ratios.values())
         yield Remark.of("recording-moved", axis, case=how, parts=shown, ranges=motion.spans, ratio=ratio)
-    if tilt is not None:
-        code, case = ("recording-moved", {"case": "tilted"}) if tilt > MOVED else ("recording-settles", {})
-        yield Remark.of(code, **case, angle=Quantity(tilt, "°"))
+    if tilt is not None and tilt > MOVED:  # gyroscopes measure only the rate of the turn, which their mean shows
+        yield Remark.of("recording-moved", "accel", case="tilted", angle=Quantity(tilt, "°"))
+    elif tilt is not None:
+        yield Remark.of("recording-settles", angle=Quantity(tilt, "°"))
     # Knocks whose samples together add less than 1 % to the variance of sums change N by at most 0.5 %.
     if sum((knock.peak * (1 + knock.duration * extent.rate)) ** 2 for knock in knocks) > 0.01 * extent.samples:
         yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"))
