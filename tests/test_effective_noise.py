@@ -59,6 +59,14 @@ def test_the_interval_of_white_noise_includes_the_number_without_the_flanks_of_f
     assert (white.low < 1e-4) == includes
 
 
+def test_the_interval_of_white_noise_includes_the_number_without_a_ramp():
+    """A filter that follows a ramp is faster, with a larger K and a smaller N than the sensor has."""
+    truth = WN(sigma2=1e-6) + gmwm.DR(omega=4e-8)
+    white = filter_entries(gmwm.fit("WN + DR", exact(truth), certify=False), Use(), 0.95)["N"]
+    assert white.value < 0.985e-4
+    assert white.low < white.value < 1e-4 < white.high
+
+
 @pytest.mark.parametrize(("power", "changes"), [(1e-4, False), (1e-8, True)])
 def test_a_misfit_where_an_oscillation_prevails_is_not_one_of_the_noise(power, changes):
     """A small error in the shape of an oscillation of 10 standard deviations is as large as the noise below it."""

@@ -31,6 +31,7 @@ from gmwm.choosing.datasheets.limits import hidden, measurable
 from gmwm.fitting.estimation.conditions_fit import ConditionsFit
 from gmwm.fitting.estimation.intervals import upper_reach
 from gmwm.fitting.estimation.result import GIVEN, Fit
+from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.recording.options import as_confidence
 from gmwm.theory.processes.base import Process
 
@@ -241,7 +242,8 @@ def filter_entries(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
             below, above = (math.exp(min(d, UNBOUNDED_HALF_WIDTH)) for d in (total, upper_reach(total, own, 0.5)))
             least, most = min(value, others[0]), max(value, others[0])
             if symbol == "N":
-                least = min(least, factor * _white_without_flanks(fit, use, numbers[0]))
+                without = [factor * white for white in _white_without(fit, use, numbers[0])]
+                least, most = min(least, *without), max(most, *without)
             low, high = min(least / below, *others), max(most * above, *others)
             if upper_only:
                 low, high = 0.0, max(most * math.sqrt(1 + z * reach.all), *others)
@@ -258,14 +260,19 @@ def _numbers_at_ends(fit: Fit, use: Use, z: float) -> list[FilterNumbers]:
     return once_per_result(fit, "ends", (use, z), lambda: [_at(fit, use, curve_ratio(fit), end) for end in ends])
 
 
-def _white_without_flanks(fit: Fit, use: Use, numbers: FilterNumbers) -> float:
-    """Return N without the oscillations faster than `MOST_PERIODS` in the horizon, if there is other noise."""
-    processes = [p for p in fit.model.processes if p.scale > 0 and use.contains(p, fit.wavelet_variance.rate)]
+def _white_without(fit: Fit, use: Use, numbers: FilterNumbers) -> tuple[float, float]:
+    """Return N without the oscillations faster than `MOST_PERIODS` in the horizon, and without ramps, which are those
+    of one recording, if there is other noise: beside a ramp, the best filter has a smaller N, and a larger K."""
+    rate = fit.wavelet_variance.rate
+    processes = [p for p in fit.model.processes if p.scale > 0 and use.contains(p, rate)]
+
+    def without(left_out: Sequence[Process]) -> float:
+        absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in left_out}
+        return _at(fit, use, curve_ratio(fit), absent).N if 0 < len(absent) < len(processes) else numbers.N
+
     fast = [p for p in processes if (p.oscillation() or 0.0) * use.horizon > MOST_PERIODS]
-    if not 0 < len(fast) < len(processes):
-        return numbers.N
-    absent = {process: process.with_values(**{process.scale_parameter().name: 0.0}) for process in fast}
-    return once_per_result(fit, "without flanks", use, lambda: _at(fit, use, curve_ratio(fit), absent).N)
+    ramps = [p for p in processes if is_ramp(p, rate)]
+    return once_per_result(fit, "white without", use, lambda: (without(fast), without(ramps)))
 
 
 def _at(fit: Fit, use: Use, ratio: CurveRatio | None, end: Mapping[Process, Process] | None = None) -> FilterNumbers:
