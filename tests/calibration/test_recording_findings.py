@@ -69,7 +69,7 @@ def test_a_large_warm_up_is_left_out(tmp_path):
     found = gmwm.calibrate(imu, within="WN + RW")
     first = only(found.remarks, "warm-up:omitted").facts["first"].value
     assert found["gyro_x"].wavelet_variance.samples == SAMPLES - first * RATE
-    assert f"without the first {first / 60:g} min (warm-up)" in found.summary()
+    assert f"without the first {first / 60:g} min (settling)" in found.summary()
     assert found["gyro_x"].objective == gmwm.calibrate(imu.between(first), within="WN + RW")["gyro_x"].objective
     path = tmp_path / "warm.csv"
     imu.write(path)
@@ -92,7 +92,7 @@ def test_axes_of_different_length_are_named_alike_in_every_document():
     short, long = (wv.samples - wv.filled for wv in (found[axis].wavelet_variance for axis in values))
     assert short < long
     assert f"{short} to {long} samples" in found.summary()
-    assert "on 1 of 2 axes (warm-up)" in " ".join(found.summary().split())
+    assert "on 1 of 2 axes (settling)" in " ".join(found.summary().split())
     assert dict(recording_facts(found)["facts"])["Length"].startswith(f"{short} to {long} samples")
     assert f"{short} to {long} samples" in found.export(format="csv")
     filled = {remark.subject: remark.facts["count"] for remark in found.remarks if remark.code == "gaps-filled"}

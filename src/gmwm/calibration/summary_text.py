@@ -197,7 +197,7 @@ def extent_text(calibration: Calibration) -> str:
     omitted = [r for r in calibration.recording_remarks if r.facts.get("case") == "omitted"]
     firsts = {first.value for r in omitted if isinstance(first := r.facts["first"], Quantity)}
     part = f" on {len(omitted)} of {len(calibration.axes)} axes" if len(shapes) > 1 else ""
-    cut = f", without the first {_range([duration_text(t) for t in sorted(firsts)])}{part} (warm-up)" if firsts else ""
+    cut = f", without the first {_range([duration_text(t) for t in sorted(firsts)])}{part} (settling)" if firsts else ""
     filled = f" and {most} filled ones" if most else ""
     return f"{samples} samples{filled} at {rate} Hz, {duration}{cut}"
 
