@@ -181,10 +181,11 @@ def test_many_pairs_are_counted_and_the_strongest_named():
 
     names = list(combinations(AXES, 2))
     shared = [one(*pair, 0.02 * (k + 1) * (-1) ** k) for k, pair in enumerate(names)]
+    names = names[2:]  # with correlations above 5 %, which matter
     remark = only(list(SharedNoiseAddition().remarks(shared, AXES, 0.05)), "noise-shared:calibration")
     assert remark.facts["count"] == len(names) == len(remark.facts["pairs"])
     text = " ".join(texts([remark]))
-    assert "15 pairs of axes share noise" in text
+    assert "13 pairs of axes share noise" in text
     assert text.count("/") <= 4
     assert "accel_y/accel_z" in text
     assert "0.30" in text

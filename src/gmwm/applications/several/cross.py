@@ -456,6 +456,8 @@ class SharedNoiseAddition(RecordingAddition):
         """Yield one remark if any of these axes share noise at this significance level. Axes with remaining motion or
         knocks must be left out. These affect several axes at once without being shared noise."""
         pairs = [pair for pair in finding if pair.pvalue <= size and set(pair.axes) <= set(axes)]
+        # 5 % change the error of a sum by 2.5 %. Values repeated by a logger correlate by 1 to 2 % by chance.
+        pairs = [pair for pair in pairs if abs(pair.correlation) > 0.05]
         if pairs:
             pairs.sort(key=lambda pair: -abs(pair.correlation))
             strongest = pairs[0]
