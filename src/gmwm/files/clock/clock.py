@@ -64,6 +64,7 @@ class _StampBlock:
     # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
+    again: int  # number of places where the clock was set back, and from which on time stamps of other rows return
     steps: ClockSteps  # wraps of a counter and changes of summer time
     spaced: bool  # whether the intervals are multiples of a tenth of a sampling interval or more, as if rounded
     of_float32: bool  # whether float32 sets the resolution of the time stamps
@@ -206,10 +207,20 @@ def _block(
         exact=median > 0 and bool(np.all(np.abs(multiples - np.round(multiples)) * median <= exact)),
         whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
+        again=_returns(window.ticks, walls[(walls >= begin) & (walls < end)]),
         steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
         spaced=resolution > 0.1 * losses.interval, of_float32=resolution == window.of_float32,
         course=_course(index, ticks[block]),
     )  # fmt: skip
+
+
+def _returns(ticks: Vector, walls: Rows) -> int:
+    """Return the number of rows `walls` from which on time stamps occur twice, unless a log begins again."""
+    if not walls.size:
+        return 0
+    stamps, counts = np.unique(ticks, return_counts=True)
+    rows = np.minimum(walls[:, None] + np.arange(8), ticks.size - 1)
+    return int(np.count_nonzero(np.all(np.isin(ticks[rows], stamps[1:][counts[1:] > 1]), axis=1)))
 
 
 def _joint_timing(
@@ -251,7 +262,11 @@ def _joint_timing(
         gaps=tuple((row, gap_duration(count, used)) for row, count in gaps.items()),
         duplicates=sum(b.duplicates for b in blocks), backward=sum(b.backward for b in blocks),
     )  # fmt: skip
-    return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)), width=blocks[0].found.width)
+    remarks += about_stamps(base)
+    if again := sum(b.again for b in blocks):
+        remarks = [r for r in remarks if r.facts.get("case") != "backward"]
+        remarks.append(Remark.of("stamps-irregular", case="again", count=again))
+    return Timing(base, segments, starts=starts, remarks=tuple(remarks), width=blocks[0].found.width)
 
 
 def _interval(
