@@ -66,6 +66,12 @@ def test_time_stamps_without_an_interval_leave_the_rate_open(tmp_path):
     with warns("rate-ambiguous:unclear"):
         remark = only(gmwm.read(path).remarks, "rate-ambiguous:unclear")
     assert remark.facts["rate"].value == pytest.approx(60, rel=0.02)
+    # After delays of four intervals the time stamps return to their line, so that the mean rate is right.
+    stamps = np.maximum.accumulate(np.arange(40_000) * 5 + rng.exponential(20, 40_000))
+    with warns("stamps-irregular:jitter"):
+        found = gmwm.read(table(tmp_path / "late.csv", stamps / 1000))
+    assert "rate-ambiguous:unclear" not in codes(found.remarks)
+    assert found.rate == pytest.approx(200, rel=0.01)
 
 
 def test_the_declared_rate_decides_between_rounding_and_regular_losses(tmp_path):

@@ -19,7 +19,7 @@ from gmwm.base.time_base import TimeBase, gap_duration
 from gmwm.base.units import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
-from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SEARCH, SampleLosses, find_losses, resolution_of
+from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SampleLosses, find_losses, resolution_of
 from gmwm.files.clock.time_stamps import (
     ClockSteps,
     SegmentStarts,
@@ -249,7 +249,7 @@ def _joint_timing(
         away = max(last - first for first, last in segments) * abs(per_second / rate - interval)
         grave = abs(measured / rate - 1) > _RATE_TROUBLE and away > max(interval, 3 * jitter)
         remarks += _about_declared(rate, measured, grave)
-    elif min(b.found.coherence for b in blocks) < SEARCH.clear:
+    elif any(b.found.unclear for b in blocks):
         remarks = [Remark.of("rate-ambiguous", case="unclear", rate=Quantity(measured, "Hz")), *remarks]
     elif remark := _about_regular(rows, lost, count, measured) or _about_rounded(blocks, count, measured, per_second):
         remarks = [*(entry for entry in remarks if entry.facts.get("case") != "mean"), remark]

@@ -33,8 +33,8 @@ class PhaseSearch:
     steady: float = 0.85
     """Sufficient coherence of neighbouring blocks: their statistics have a standard deviation of 0.06 samples."""
     clear: float = 0.5
-    """Coherence of blocks below which no interval is found: 0.53 and more with 100 losses beside jitter and rounding,
-    at most 0.5 with a third of the rows lost and a jitter of 0.3 sampling intervals."""
+    """Coherence of blocks below which losses may hide: 0.53 and more with 100 losses beside jitter and rounding, less
+    with a third of the rows lost and a jitter of 0.3 sampling intervals, or with delays of four intervals."""
     interval_change: float = 0.02
     """Largest relative change of the interval between phases of blocks; beyond, whole turns would be miscounted."""
     pauses: float = 2.5
@@ -80,7 +80,7 @@ class SampleLosses:
     lost: Rows
     width: int  # number of rows in the blocks whose statistics were compared; 1 if single rows show the lost samples
     repeated: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # rows that were written twice
-    coherence: float = 1.0  # of neighbouring blocks; `SEARCH.clear` and above if the time stamps show an interval
+    unclear: bool = False  # whether the time stamps show no interval, so that lost samples are not counted
 
 
 def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> SampleLosses:
@@ -180,10 +180,11 @@ def _between_losses(ticks: Vector, typical: float) -> float:
     interval = float(np.quantile(steps, 1 / 8))
     for _ in range(3):
         near = steps[np.abs(steps - interval) < 0.5 * interval]
-        interval = float(np.mean(near)) if near.size else typical
+        interval = float(np.mean(near)) if near.size else 0.0
     lost = 1 - interval / float(np.mean(steps))
     # The coherence of intervals is the square of that of single rows.
-    if interval <= 0 or SEARCH.long_interval * (1 - lost) > 1 or _coherence(ticks / interval) < SEARCH.regular**2:
+    # With fewer than a quarter of the rows, any irregular log looks so.
+    if not 1 / 4 < 1 - lost < 1 / SEARCH.long_interval or _coherence(ticks / interval) < SEARCH.regular**2:
         return typical
     counts = np.bincount(np.clip(np.rint(steps / interval), 0, 31).astype(np.int64), minlength=32)
     by_chance = np.append(0.0, (1 - lost) * lost ** np.arange(31))
@@ -413,7 +414,10 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return replace(_with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name), coherence=coherence)
+    found = _with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name)
+    # Losses that are not counted move the phase for good, and longer parts by more; after a delay it returns.
+    longer, shorter = (np.std(np.diff(_blocks_of(r, max(1, n // parts), "mean"), 2)) for parts in (16, 64))
+    return replace(found, unclear=bool(coherence < SEARCH.clear and longer > shorter))
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
