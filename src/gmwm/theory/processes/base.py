@@ -240,8 +240,11 @@ class Process(HaarTheory, ABC):
         A subclass that has closed forms for some filters calls `super().shape` for the others."""
         numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
         # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
-        if filter is HAAR and processes and cls._derives("state_space"):
-            return haar_variances([process.state_space(rate) for process in processes], numbers)
+        if processes and cls._derives("state_space") and (filter is HAAR or processes[0].stationary):
+            spaces = [process.state_space(rate) for process in processes]
+            if filter is HAAR:
+                return haar_variances(spaces, numbers)
+            return filtered.state_space_variances(spaces, filter, numbers)
         rows = [process._variance_under(filter, numbers, rate) for process in processes]
         return np.array(rows, dtype=np.float64).reshape(len(rows), numbers.size)
 
@@ -514,8 +517,6 @@ class Process(HaarTheory, ABC):
         """Compute the wavelet variance (J,) under any filter from the theory that the process defines."""
         if filter is HAAR:
             return self._haar_variance(levels, rate)
-        if self._derives("state_space") and self.stationary:
-            return filtered.state_space_variance(self.state_space(rate), filter, levels)
         longest = filtered.lags_needed(filter, int(levels[-1]))
         if longest > _LONGEST_SUM or not self.has("running_sum_covariance"):
             raise MissingTheoryError(

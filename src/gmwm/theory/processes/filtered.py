@@ -11,6 +11,7 @@ front factor and a_j of the bracket at level 1. No large numbers are subtracted,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -193,45 +194,48 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     return values[:, levels - 1]
 
 
-def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
-    """Compute ν_j² (J,) of a stationary process from its state space, at O(J(L² + L p²)) for p states.
+def state_space_variances(spaces: Sequence[StateSpace], filter: WaveletFilter, levels: Levels) -> Matrix:
+    """Compute ν_j² (n, J) of n stationary processes from their state spaces, at O(J(L² + L p²)) for p states.
 
     The recursion propagates −½E(V_{t+k} − V_t)² of scaling coefficients V: values up to the filter length L, then the
     last component of −(A^k d), with the transition A over 2^j samples and, against cancellation, the accumulated
     difference. Rounding grows to 2^j only if the spectrum vanishes at f = 0 (quantization noise has its own form)."""
-    p, reach = space.states, filter.length
-    a = np.zeros((p + 1, p + 1))
-    a[:p, :p], a[p, :p], a[p, p] = space.F, space.H[0] @ (np.eye(p) - space.F), 1.0
-    tail = np.append(space.P0 @ space.H[0], 0.0)
-    start = -_last(a, a @ tail, reach) - space.R[0, 0]
-    near = np.append(0.0, start)
-    tail[p] += space.R[0, 0]
+    n, p, reach = len(spaces), spaces[0].states, filter.length
+    seen, errors = np.array([s.H[0] for s in spaces]), np.array([s.R[0, 0] for s in spaces])
+    a, tail = np.zeros((n, p + 1, p + 1)), np.zeros((n, p + 1, 1))
+    a[:, :p, :p], a[:, p, p] = [s.F for s in spaces], 1.0
+    a[:, p, :p] = seen - np.einsum("ni,nij->nj", seen, a[:, :p, :p])
+    tail[:, :p, 0] = [s.P0 @ s.H[0] for s in spaces]
+    near = np.zeros((n, reach + 1))
+    near[:, 1:] = -_last(a, a @ tail, reach) - errors[:, None]
+    tail[:, p, 0] += errors
     offset = 0
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
-    values = np.empty(int(levels[-1]))
-    for j in range(values.size):
+    lags = np.arange(1 - reach, reach)
+    values = np.empty((n, int(levels[-1])))
+    for j in range(values.shape[1]):
         far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
-        sequence = np.append(near, -_last(a, far, 2 * reach))
-        values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
+        sequence = np.concatenate([near, -_last(a, far, 2 * reach)], axis=1)
+        values[:, j] = sequence[:, np.abs(lags)] @ detail
         # A constant does not change ν², but it would lose digits after the covariance has decayed.
-        shift = sequence[reach]
-        sequence, tail[p] = sequence - shift, tail[p] + shift
-        near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
+        shift = sequence[:, reach]
+        tail[:, p, 0] += shift
+        near = (sequence - shift[:, None])[:, np.abs(2 * np.arange(reach + 1)[:, None] - lags)] @ smooth
         moved = (reach + offset) // 2
         x = np.linalg.matrix_power(a, 2 * moved - (reach - 1) - offset) @ tail
-        total = np.zeros(p + 1)
+        total = np.zeros_like(tail)
         for weight in smooth:
             total += weight * x
             x = a @ x
         tail, offset, a = total, moved, a @ a
-    return values[levels - 1]
+    return values[:, levels - 1]
 
 
-def _last(a: Matrix, x: Vector, count: int) -> Vector:
-    """Compute the last components of the vectors x, Ax, …, A^(count−1)x."""
-    out = np.empty(count)
+def _last(a: NDArray[np.float64], x: NDArray[np.float64], count: int) -> Matrix:
+    """Compute the last components (n, count) of the vectors x, Ax, …, A^(count−1)x, for n transitions A."""
+    out = np.empty((len(x), count))
     for k in range(count):
-        out[k] = x[-1]
+        out[:, k] = x[:, -1, 0]
         x = a @ x
     return out
 
