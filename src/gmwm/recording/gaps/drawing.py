@@ -1,24 +1,26 @@
 """Draw lost samples from their conditional distribution given the others, without a model of the noise.
 
-A sample is a level (mean of w samples on each side), a linear prediction of its deviation from 32 neighbours on each
-side, by the autocovariance about the level, and a residual: that of a random known place, with random sign. w has the
-smallest prediction error. Beyond 64 samples the level is a straight line, and only ends are predicted.
+A sample is a level (mean of w known samples on each side, beyond 32 neighbours) and a deviation, an autoregressive
+process of order 32 with the autocovariance about the level. w has the smallest prediction error. Lost samples are drawn
+together: with them, the filtered deviations are, in the least-squares sense, prediction errors of random known samples
+with random signs. For Gaussian noise, this draw is exact: Papandreou, G. and Yuille, A. (2010), Gaussian sampling by
+local perturbations, Advances in Neural Information Processing Systems 23. Beyond 64 samples, a gap has deviations from
+another place about a straight line, and only its ends are drawn.
 
-With the best linear prediction, second moments are those without losses, so the wavelet variance is unbiased; a mean
-would make it too small at short scales, an interpolation too large at long ones (tests/filling). Journel, A. G. (1974),
-Geostatistics for conditional simulation of ore bodies, Economic Geology 69, 673-687."""
+Second moments are those without losses, so the wavelet variance is unbiased; a mean would make it too small at short
+scales, an interpolation too large at long ones (tests/filling)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.base.arrays import Matrix, Vector, runs_of
+from gmwm.base.arrays import Vector, runs_of
+from gmwm.base.lazy import scipy
 
 Places = NDArray[np.int64]
 Range = tuple[int, int]
@@ -28,17 +30,15 @@ PREDICTING_NEIGHBOURS = 32  # number of neighbours on each side that predict a l
 LONGEST_PREDICTED_SAMPLES = 64  # longest gap (samples) that is predicted from neighbours
 WIDEST_MEAN_SAMPLES = 1 << 16  # largest width w of the means on both sides of a gap (samples)
 _RIDGE = 1e-3  # relative white noise in the autocovariance; it limits weights of neighbours of smooth signals
-_TRAINING, _WINDOWS = 1 << 14, 1 << 12  # numbers of positions from which width and autocovariance are estimated
-_CLEAN = 8  # number of samples that must also be known on each side of the position from which a residual is taken
-_TRIALS = 64  # largest number of trials to find such a position
-_SWEEPS, _GROUPS = 3, 4  # draws of each sample, as lost neighbours depend on each other, and groups drawn in turn
+_TRAINING = 1 << 13  # number of positions from which width and autocovariance are estimated
+_TRIALS = 64  # number of trials to find another place for a long gap
 
 
 def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Sequence[int] = ()) -> Vector:
     """Replace samples (N,) that are not `present` by draws from their conditional distribution given the others.
 
-    With equal losses and seed, residuals are from the same positions, which keeps the covariance of two axes. No gap
-    extends over `cuts`, the first samples of ranges."""
+    With equal losses and seed, prediction errors are from the same positions, which keeps the covariance of two axes.
+    No gap extends over `cuts`, the first samples of ranges."""
     ranges = list(pairwise([0, *cuts, values.size]))
     if not all(np.any(present[first:last]) for first, last in ranges):
         raise ValueError("no sample is present")
@@ -55,37 +55,52 @@ def drawn(values: Vector, present: NDArray[np.bool_], *, seed: int = 0, cuts: Se
         span = slice(first, last)
         if not np.all(present[span]):
             part = neighbours if len(ranges) == 1 else _Known.of(x[span], present[span])
-            x[span] = _draw(part, prediction, rng) + level
-    x[present] = values[present]
+            _draw(part, prediction.within(part), rng)
+            x[span] += level
+    np.copyto(x, values, where=present)
     return x
 
 
-def _draw(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> Vector:
-    """Return the samples of a range without cuts, with draws for lost samples."""
-    lost = runs_of(~known.present)
-    gaps = _Gaps(lost[:, 0], lost[:, 1] - lost[:, 0])
-    x, prediction = known.values.copy(), prediction.within(known)
-    short = gaps.lengths <= 2 * prediction.near
-    _draw_short(x, known, gaps.only(short), prediction=prediction, rng=rng)
-    _draw_long(x, known, gaps.only(~short), prediction=prediction, rng=rng)
-    return x
+def _draw(known: _Known, prediction: _Prediction, rng: np.random.Generator) -> None:
+    """Draw the lost samples of a range without cuts, in place."""
+    prediction.draw(known, rng)
+    gaps = runs_of(~known.present)
+    gaps = gaps[gaps[:, 1] - gaps[:, 0] > 2 * prediction.order]
+    if gaps.size:
+        _draw_long(known, gaps, rng)
+        # The ends are drawn again from the neighbours on both sides, so that a smooth signal stays smooth there.
+        inner = np.ones(known.present.size, dtype=np.bool_)
+        for first, last in gaps.tolist():
+            inner[first : first + prediction.order] = inner[last - prediction.order : last] = False
+        prediction.draw(_Known.of(known.values, inner), rng)
 
 
-class _Gaps(NamedTuple):
-    """Ranges of lost samples, with the first sample and the length of each."""
-
-    firsts: Places
-    lengths: Places
-
-    def only(self, which: NDArray[np.bool_]) -> _Gaps:
-        return _Gaps(self.firsts[which], self.lengths[which])
+def _draw_long(known: _Known, gaps: Places, rng: np.random.Generator) -> None:
+    """Replace the samples of long gaps (m, 2) by those of other places, about straight lines."""
+    x, widths = known.values, dict[int, int]()
+    for first, last in gaps.tolist():
+        length = last - first
+        octave = length.bit_length()
+        if octave not in widths:
+            middle = min(round(0.7 * 2**octave), x.size // 2)
+            widths[octave] = known.best_width(middle, _widths(1, len(known) // 8, 4), rng)
+        places = rng.integers(0, x.size - length + 1, _TRIALS)
+        donor = int(places[np.argmax(known.before[places + length] - known.before[places])])
+        begins = np.array([first, donor])
+        # Means of one side, which is the other one at an end.
+        a = known.level(begins, np.where(known.before[begins] > 0, x.size, begins + length), widths[octave])
+        b = known.level(
+            np.where(known.before[begins + length] < len(known), 0, begins), begins + length, widths[octave]
+        )
+        line = a[:, None] + np.outer(b - a, (np.arange(length) + 0.5) / length)
+        x[first:last] = line[0] + rng.choice([-1.0, 1.0]) * (x[donor : donor + length] - line[1])
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
     """The known samples of a signal."""
 
-    values: Vector  # (N,) samples minus their mean; 0 where they are lost
+    values: Vector  # (N,) samples minus their mean; 0, or draws, where they are lost
     present: NDArray[np.bool_]  # (N,)
     before: Places  # (N + 1,) number of known samples before each sample
     path: Vector  # (n + 1,) running sum of the n known samples
@@ -100,19 +115,12 @@ class _Known:
     def __len__(self) -> int:
         return self.path.size - 1
 
-    def sides(self, first: Places, last: Places, width: int) -> tuple[Vector, Vector]:
-        """Return means of the nearest `width` known samples before `first` and from `last` on, or the other side's."""
-        i = self.before[np.clip(first, 0, self.values.size)]
-        k = self.before[np.clip(last, 0, self.values.size)]
-        before, right = np.minimum(width, i), np.minimum(width, len(self) - k)
-        a = (self.path[i] - self.path[i - before]) / np.maximum(before, 1)
-        b = (self.path[k + right] - self.path[k]) / np.maximum(right, 1)
-        return np.where(before > 0, a, b), np.where(right > 0, b, a)
-
     def level(self, first: Places, last: Places, width: int) -> Vector:
-        """Return the level, which is the average of the means of both sides."""
-        a, b = self.sides(first, last, width)
-        return np.asarray(0.5 * (a + b))
+        """Return the mean of the nearest `width` known samples before `first`, and as many from `last` on."""
+        i, k = self.before.take(first, mode="clip"), self.before.take(last, mode="clip")
+        begin, end = np.maximum(i - width, 0), np.minimum(k + width, len(self))
+        sums = self.path[i] - self.path[begin] + self.path[end] - self.path[k]
+        return np.asarray(sums / np.maximum(i - begin + end - k, 1))
 
     def best_width(
         self, length: int, widths: Sequence[int], rng: np.random.Generator, ranges: Sequence[Range] = ()
@@ -148,165 +156,96 @@ def _widths(least: int, most: int, ratio: int) -> list[int]:
 
 def _autocovariance(
     known: _Known, width: int, size: int, *, ranges: Sequence[Range], rng: np.random.Generator
-) -> Matrix:
-    """Return the covariance (size, size) of consecutive samples about the level of both sides: the variance minus half
-    the mean squared difference, which is far smaller in a drift, so that averaged products would be inaccurate."""
-    places = _inside(rng.integers(0, known.values.size - size + 1, _WINDOWS), size, ranges)
-    present = np.lib.stride_tricks.sliding_window_view(known.present, size)[places].astype(np.float64)
-    level = known.level(places, places + size, width)[:, None]
-    deviation = (np.lib.stride_tricks.sliding_window_view(known.values, size)[places] - level) * present
+) -> Vector:
+    """Return the autocovariance (size,) about the level of both sides: the variance minus half the mean squared
+    difference, which is far smaller in a drift, so that averaged products would be inaccurate."""
+    wide = 2 * size - 2
+    places = _inside(rng.integers(0, known.values.size - wide + 1, _TRAINING), wide, ranges)
+    present = np.lib.stride_tricks.sliding_window_view(known.present, wide)[places].astype(np.float64)
+    level = known.level(places, places + wide, width)[:, None]
+    deviation = (np.lib.stride_tricks.sliding_window_view(known.values, wide)[places] - level) * present
     squares = (deviation**2).T @ present
     halves = 0.5 * (squares + squares.T) - deviation.T @ deviation
     pairs = present.T @ present
     sums = np.array([(np.trace(halves, lag), np.trace(pairs, lag)) for lag in range(size)])
-    lags = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
-    variance = np.trace(squares) / max(sums[0, 1], 1.0)
-    covariance = variance - (sums[:, 0] / np.maximum(sums[:, 1], 1.0))[lags]
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T + _RIDGE * covariance[0, 0] * np.eye(size))
+    return np.asarray(np.trace(squares) / max(sums[0, 1], 1.0) - sums[:, 0] / np.maximum(sums[:, 1], 1.0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Prediction:
-    """Prediction of the samples of a gap from the level and the neighbours on each side."""
+    """Prediction of samples from the level and from their neighbours."""
 
-    near: int  # number of neighbours on each side
+    order: int  # number of neighbours on each side
     width: int  # width of the means that give the level
-    covariance: Matrix  # (n, n) covariance of consecutive samples about the level; n is at least 4 `near`
+    autocovariance: Vector  # (n,) autocovariance about the level; n is greater than the order
 
     @classmethod
     def of(cls, known: _Known, ranges: Sequence[Range], rng: np.random.Generator) -> _Prediction:
         """Compute the prediction from the known samples in some ranges of a signal."""
         longest = max(int(known.before[last] - known.before[first]) for first, last in ranges)
-        near = _neighbours(longest)
-        width = known.best_width(4 * near, _widths(4 * near, longest // 8, 2), rng, ranges)
-        return cls(near, width, _autocovariance(known, width, 4 * near, ranges=ranges, rng=rng))
+        order = _neighbours(longest)
+        width = known.best_width(4 * order, _widths(4 * order, longest // 8, 2), rng, ranges)
+        return cls(order, width, _autocovariance(known, width, order + 1, ranges=ranges, rng=rng))
 
     def within(self, known: _Known) -> _Prediction:
         """Return the prediction for a range with fewer samples."""
-        near = min(self.near, _neighbours(len(known)))
-        return replace(self, near=near, width=max(min(self.width, len(known) // 8), 1))
+        order = min(self.order, _neighbours(len(known)))
+        return replace(self, order=order, width=max(min(self.width, len(known) // 8), 1))
 
-    def weights(self, length: int) -> Matrix:
-        """Return weights (2 near, length) of the neighbours for each sample of a gap."""
-        near, covariance = self.near, self.covariance
-        if not covariance[0, 0] > 0:
-            return np.zeros((2 * near, length))
-        neighbours = np.r_[0:near, near + length : 2 * near + length]
-        inside = np.arange(near, near + length)
-        return np.linalg.solve(covariance[np.ix_(neighbours, neighbours)], covariance[np.ix_(neighbours, inside)])
+    def error_filter(self) -> Vector:
+        """Return the filter (order + 1,) that leaves the error of the prediction from the samples before."""
+        variance, lags = self.autocovariance[0], np.arange(self.order)
+        if not variance > 0:
+            return np.append(1.0, np.zeros(self.order))
+        correlation = self.autocovariance / variance
+        matrix = correlation[np.abs(np.subtract.outer(lags, lags))]
+        # White noise makes a matrix positive definite that is not, because lags are from different pairs of samples.
+        matrix += np.eye(self.order) * (_RIDGE + 2 * max(-np.linalg.eigvalsh(matrix)[0], 0.0))
+        return np.concatenate([[1.0], -np.linalg.solve(matrix, correlation[1 : self.order + 1])])
+
+    def draw(self, known: _Known, rng: np.random.Generator) -> None:
+        """Draw the lost samples of a range without cuts, in place."""
+        order, size = self.order, known.values.size
+        # Samples beyond both ends are lost, too, and the deviation is zero beyond them.
+        beyond = 5 * order
+        lost = np.pad(np.pad(~known.present, beyond - order, constant_values=True), order)
+        # Only samples near lost ones matter. They are put in a row, where those of different gaps are far apart.
+        counts = np.cumsum(np.pad(lost, (order + 1, order)), dtype=np.int32)
+        near = np.flatnonzero(counts[2 * order + 1 :] > counts[: -2 * order - 1])
+        lost, at = lost[near], near - beyond
+        inside = (at >= 0) & (at < size)
+        missing, given = inside & lost, inside & ~lost
+        level = known.level(at - order, at + order + 1, self.width)
+        deviation = np.where(given, known.values.take(at, mode="clip") - level, 0.0)
+        prediction_error = self.error_filter()
+        errors = np.convolve(deviation, prediction_error)[: at.size]
+        solve = _least_squares(lost, prediction_error)
+        smallest = errors + np.convolve(solve(errors), prediction_error)[: at.size]
+        in_gap = np.pad(at[order:] - at[:-order] == order, (order, 0))  # all that the filter uses is from one gap
+        pool = smallest[given & in_gap]
+        # As residuals of any regression, they are smaller than the errors of the process.
+        pool *= np.linalg.norm(smallest[in_gap]) / max(float(np.linalg.norm(pool)), np.finfo(float).tiny)
+        found = level + solve(errors - rng.choice(np.concatenate([pool, -pool]), at.size))
+        known.values[at[missing]] = found[missing]
+
+
+def _least_squares(lost: NDArray[np.bool_], filter_: Vector) -> Callable[[Vector], Vector]:
+    """Return the function that gives the `lost` samples that minimise the squares of filtered samples plus `errors`."""
+    order, at = filter_.size - 1, np.flatnonzero(lost)
+    products = np.append(np.correlate(filter_, filter_, "full")[order:], 0.0)
+    bands = [np.full(at.size, products[0])]
+    while len(bands) < at.size and (gaps := at[len(bands) :] - at[: -len(bands)]).min() <= order:
+        bands.append(np.pad(products[np.minimum(gaps, order + 1)], (0, len(bands))))
+    factor = scipy.linalg.cholesky_banded(np.array(bands), lower=True)
+
+    def solve(errors: Vector) -> Vector:
+        out = np.zeros(lost.size)
+        out[at] = scipy.linalg.cho_solve_banded((factor, True), -np.correlate(errors, filter_, "full")[order:][at])
+        return out
+
+    return solve
 
 
 def _neighbours(known: int) -> int:
     """Return the number of neighbours on each side, for a number of known samples."""
     return max(1, min(PREDICTING_NEIGHBOURS, known // 16))
-
-
-class _Draw(NamedTuple):
-    """Gaps of one length that are filled together; a gap's donor is the position that lends its residual."""
-
-    first: Places
-    donor: Places
-    level: Matrix
-    donor_level: Matrix
-    sign: Matrix
-
-    def group(self, k: int) -> _Draw:
-        """Return every fourth gap, from gap number k on."""
-        return _Draw._make(values[k::_GROUPS] for values in self)
-
-
-def _draw_short(
-    x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction, rng: np.random.Generator,
-    levels: Vector | None = None,
-) -> None:  # fmt: skip
-    """Draw the samples of short gaps in place; levels are computed from known samples unless given."""
-    near, width = prediction.near, prediction.width
-    weights: dict[int, Matrix] = {}
-    draws: dict[int, _Draw] = {}
-    for length in np.unique(gaps.lengths).tolist():
-        weights[length] = prediction.weights(length)
-        mine = gaps.lengths == length
-        first = gaps.firsts[mine]
-        donor = _donors(known, length, first.size, rng)
-        level = known.level(first - near, first + length + near, width) if levels is None else levels[mine]
-        draw = draws[length] = _Draw(
-            first=first,
-            donor=donor,
-            level=level[:, None],
-            donor_level=known.level(donor - near, donor + length + near, width)[:, None],
-            sign=rng.choice([-1.0, 1.0], first.size)[:, None],
-        )
-        inner = np.arange(length)
-        x[first[:, None] + inner] = draw.level + draw.sign * (known.values[donor[:, None] + inner] - draw.donor_level)
-    for _ in range(_SWEEPS):
-        for group in range(_GROUPS):
-            new = []
-            for length, draw in draws.items():
-                part = draw.group(group)
-                inner = np.arange(length)
-                offsets = np.r_[-near:0, length : length + near]
-                donated = x[part.donor[:, None] + inner] - part.donor_level
-                residual = donated - _around(x, part.donor, offsets, part.donor_level) @ weights[length]
-                predicted = part.level + _around(x, part.first, offsets, part.level) @ weights[length]
-                new.append((part.first[:, None] + inner, predicted + part.sign * residual))
-            for places, samples in new:
-                x[places] = samples
-
-
-def _around(x: Vector, places: Places, offsets: Places, level: Matrix) -> Matrix:
-    """Return the deviations of the neighbours of each place from the level; 0 beyond the ends of the signal."""
-    index = places[:, None] + offsets
-    inside = (index >= 0) & (index < x.size)
-    return np.where(inside, x[np.clip(index, 0, x.size - 1)] - level, 0.0)
-
-
-def _donors(known: _Known, length: int, count: int, rng: np.random.Generator) -> Places:
-    """Return random places where `length` samples are known, and if possible also the samples next to them."""
-    most = known.values.size - length
-    places = rng.integers(0, most + 1, count)
-    best = np.full(count, np.iinfo(np.int64).max)
-    chosen = places.copy()
-    open_ = np.arange(count)
-    for _ in range(_TRIALS):
-        first, last = np.maximum(places - _CLEAN, 0), np.minimum(places + length + _CLEAN, known.values.size)
-        inside = length - (known.before[places + length] - known.before[places])
-        around = (last - first) - (known.before[last] - known.before[first])
-        # A lost sample inside the range counts more than all lost samples beside it.
-        missing = inside * (2 * _CLEAN + 1) + around
-        better = missing < best[open_]
-        chosen[open_[better]], best[open_[better]] = places[better], missing[better]
-        open_ = np.flatnonzero(best > 0)
-        if not open_.size:
-            break
-        places = rng.integers(0, most + 1, open_.size)
-    return chosen
-
-
-def _draw_long(x: Vector, known: _Known, gaps: _Gaps, *, prediction: _Prediction, rng: np.random.Generator) -> None:
-    """Draw the samples of long gaps in place, from the shortest gap to the longest."""
-    present = np.ones(x.size, dtype=np.bool_)
-    for first, length in zip(*gaps, strict=True):
-        present[first : first + length] = False
-    near, ends, levels = prediction.near, list[int](), list[float]()
-    octaves = np.log2(np.maximum(gaps.lengths, 1)).astype(np.int64)
-    for octave in np.unique(octaves).tolist():
-        subset = gaps.only(octaves == octave)
-        before = np.concatenate([[0], np.cumsum(present)])
-        middle = min(round(1.4 * 2**octave), x.size // 2)
-        width = known.best_width(middle, _widths(1, len(known) // 8, 4), rng)
-        for first, length in zip(subset.firsts.tolist(), subset.lengths.tolist(), strict=True):
-            places = rng.integers(0, x.size - length + 1, _TRIALS)
-            donor = int(places[np.argmax(before[places + length] - before[places])])
-            inner = (np.arange(length) + 0.5) / length
-            a, b = known.sides(np.array([first, donor]), np.array([first, donor]) + length, width)
-            line = a[:, None] + np.outer(b - a, inner)
-            x[first : first + length] = line[0] + rng.choice([-1.0, 1.0]) * (x[donor : donor + length] - line[1])
-            ends += [first, first + length - near]
-            levels += [float(line[0][near // 2]), float(line[0][-near // 2])]
-        for first, length in zip(*subset, strict=True):
-            present[first : first + length] = True
-    # The ends are drawn again from the neighbours on both sides, so that a smooth signal stays smooth there.
-    places = np.array(ends, dtype=np.int64)
-    ends_of_gaps = _Gaps(places, np.full(places.size, near))
-    _draw_short(x, known, ends_of_gaps, prediction=prediction, rng=rng, levels=np.array(levels))
