@@ -157,15 +157,3 @@ def test_a_recording_that_is_watched_shows_long_scales_across_gaps():
     found, expected = live.result(), gmwm.wavelet_variance(x)
     assert (found.filled, found.segments, len(found)) == (expected.filled, expected.segments, len(expected))
     assert found.variance[:10] == pytest.approx(expected.variance[:10], rel=0.1)
-
-
-@pytest.mark.parametrize(("share", "case"), [(0.1, "filled"), (0.2, "many")])
-def test_n_is_a_limit_where_many_samples_are_filled(share, case):
-    rng = np.random.default_rng(6)
-    kept = np.flatnonzero(rng.random(20_000) >= share)
-    begins = [0, *(np.flatnonzero(np.diff(kept) > 1) + 1).tolist()]
-    gaps = {"segments": tuple(pairwise([*begins, kept.size])), "starts": tuple((kept[begins] / 100.0).tolist())}
-    lossy = Signal(rng.normal(0, 1e-3, kept.size), 100.0, "rad/s", axis="gyro_x", **gaps)
-    found = gmwm.calibrate(lossy, "WN")
-    assert f"gaps-filled:{case}" in {code_of(remark) for remark in found.remarks}
-    assert (found.number_verdicts["gyro_x"]["N"].usability.value == "use as a bound") == (case == "many")

@@ -41,12 +41,7 @@ def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
         use = "longest" if 2 * max(last - first for first, last in extent.segments) >= extent.samples else "all"
         yield Remark.of("gaps", segments=len(extent.unbroken), missing=span, length=length, use=use)
     if count:
-        share = filled / (extent.samples + filled)
-        # N of running means of 4 and Butterworth filters is within 2 % with 15 % lost, and up to 22 % off with 20 %.
-        if share > 0.15:
-            yield Remark.of("gaps-filled", case="many", share=share, count=count, numbers=("N",))
-        else:
-            yield Remark.of("gaps-filled", case="filled", share=share, count=count)
+        yield Remark.of("gaps-filled", case="filled", share=filled / (extent.samples + filled), count=count)
     if base.duplicates:
         # Share of rows written twice, below which there is no remark on them. N is too large by half of this share.
         many = base.duplicates > 1e-3 * extent.samples
