@@ -205,11 +205,15 @@ def test_clean_text_with_few_digits_has_no_holds(digits, kind):
         assert not {"fault-undone:frozen", "fault-undone:repeated"} & _codes(part)
 
 
-def test_interpolated_samples_are_gaps():
+@pytest.mark.parametrize(("count", "least", "most"), [(20, 6, 40), (400, 1, 4)])
+@pytest.mark.parametrize("lsb", [0.0, 1e-5])
+def test_interpolated_samples_are_gaps(count, least, most, lsb):
+    """Also single ones, if the output is so fine that few samples are on a line by chance."""
     rng, x = np.random.default_rng(5), _noise(5)
+    x = np.round(x / lsb) * lsb if lsb else x
     inside = np.zeros(x.size, dtype=bool)
-    for first in rng.integers(100, x.size - 100, 20):
-        last = first + int(rng.integers(6, 40))
+    for first in rng.integers(100, x.size - 100, count):
+        last = first + int(rng.integers(least, most))
         x[first:last] = np.interp(np.arange(first, last), [first - 1, last], [x[first - 1], x[last]])
         inside[first:last] = True
     (part,) = repaired(_imu(x))

@@ -27,6 +27,7 @@ from gmwm.recording.repairs.repeats import (
     offsets,
     repeats,
     repeats_of,
+    rounding_of,
     straight,
 )
 from gmwm.recording.resolution import count_of, step_of
@@ -185,7 +186,7 @@ def _plan(axis: str, pattern: Repeats | None, values: Vector, same: Mask, *, beg
         frozen = (
             frozen if frozen and np.any(in_long_runs(same, frozen)[dead:]) and not _stands_still(same[dead:]) else 0
         )
-        line = _straight_length(values, begins)
+        line = 0 if slower else _straight_length(values, begins)
     found = {
         "frozen": frozen, "straight": line, "wraps": modulus_of(values), "counts": count_of(values), "levels": levels,
         "resampled": slower,
@@ -272,6 +273,12 @@ def _straight_length(values: Vector, begins: Indices) -> int:
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(fraction(alone), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
+    some, rounding = np.count_nonzero(line[:_OF_STEP]), rounding_of(values)
+    if some > LIMITS.least_share * _OF_STEP:
+        # By chance, half as many samples are on the line as at any small distance from it, on both sides.
+        beside = np.rint(np.abs(np.diff(values[:_OF_STEP], 2)) / rounding)
+        counts = np.unique(beside[beside > 1], return_counts=True)[1]
+        length = 1 if np.max(counts, initial=0) / 2 <= LIMITS.false_share * some else length
     rows = in_long_runs(line, length + 1)  # see `_in_straight_runs`
     if length > _FROZEN or not 0 < fraction(rows) <= _MOST_STRAIGHT:
         return 0

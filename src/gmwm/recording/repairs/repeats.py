@@ -48,13 +48,17 @@ def in_long_runs(same: Mask, least: int) -> Mask:
     return np.cumsum(ends[:-1], dtype=np.int8).view(np.bool_)
 
 
+def rounding_of(values: Vector) -> float:
+    """Return the rounding error of interpolated values, by float64 or by the digits of a file."""
+    return 1e-9 * max(float(np.max(values) - np.min(values)), 1e-300)
+
+
 def straight(values: Vector, begins: Indices) -> Mask:
     """Return whether each sample is on the straight line between its two neighbours, and differs from them."""
     line = np.zeros(values.size, dtype=np.bool_)
     if values.size < 3:
         return line
-    # Interpolated values are rounded to float64, or to the digits of a file.
-    rounding = 1e-9 * max(float(np.max(values) - np.min(values)), 1e-300)
+    rounding = rounding_of(values)
     length = 1 << 15  # the samples and their differences then fit in the cache of a processor
     for first in range(0, values.size - 2, length):
         steps = np.diff(values[first : first + length + 2])
