@@ -122,6 +122,17 @@ def test_an_upper_limit_agrees_with_less_and_not_with_more():
         assert row.ratio == pytest.approx(1 / size, rel=1e-6)
 
 
+def test_a_file_is_compared_with_the_numbers_of_the_datasheet(calibration, tmp_path):
+    """Their intervals include the choice of the model, and their limits the remarks, as in exported files."""
+    file, _ = file_of(tmp_path, "kalibr", 1.0)
+    for row in calibration.agree(file):
+        assert row.measured == calibration.datasheets[row.axis][row.symbol]
+    limits = {(row.axis, row.symbol) for row in calibration.agree(file) if row.measured.upper_only}
+    longer = calibration.agree(file, horizon=2.0)
+    assert limits <= {(row.axis, row.symbol) for row in longer if row.measured.upper_only}
+    assert longer["gyro_x.N"].measured != calibration.datasheets["gyro_x"]["N"]
+
+
 def test_documents_and_errors(calibration, tmp_path):
     file, _ = file_of(tmp_path, "vins", 1.0)
     content = json.loads(json.dumps(calibration.agree(file).to_dict()))

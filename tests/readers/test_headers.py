@@ -5,9 +5,11 @@ from tests.helpers import each
 
 AXES = {
     "gyro_x": "gyro_x Gyr_X GYRO_X gyroX GyroX gx wx w_x omega_x angular_velocity.x angular_velocity_x xgyro "
-    "imu0_gyro_x field.angular_velocity.x w_RS_S_x gyroscope_x x_gyro AngVelX gyro_raw_x gyro.x imu.gyro_rate_x",
+    "imu0_gyro_x field.angular_velocity.x w_RS_S_x gyroscope_x x_gyro AngVelX gyro_raw_x gyro.x imu.gyro_rate_x "
+    "gyroADC[0] gyro_xyz[0] gyro_x[1]",
     "accel_z": "accel_z Acc_Z ACC_Z accZ az a_z alpha_z linear_acceleration.z zacc acceleration_z accelerometer_z "
-    "a_RS_S_z fz specific_force_z imu/accel/z accel_z_raw",
+    "a_RS_S_z fz specific_force_z imu/accel/z accel_z_raw "
+    "accSmooth[2] accel_z[0]",
     "time": "time t Time timestamp %time #timestamp time_s stamp header.stamp seconds_elapsed field.header.stamp tow",
     "temperature": "temperature Temp imu_temp",
     "": "mag_x x seq frame_id gyro_x_std accel_bias_x orientation.x delta_angle_x index gyro velocity_x max "

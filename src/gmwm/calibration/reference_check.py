@@ -14,8 +14,9 @@ from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import Named, Summarised, round_text, table_with_rule, wrap_text
 from gmwm.base.units import SI_UNIT, datasheet_units, noise_unit, sensor_of
-from gmwm.calibration.number_verdicts import Usability
+from gmwm.calibration.number_verdicts import Usability, as_limit
 from gmwm.choosing.datasheets import Entry, effective_noise
+from gmwm.choosing.datasheets.effective import DEFAULT_HORIZON_S
 from gmwm.choosing.datasheets.entry import significant
 from gmwm.files.importers import Given, Values, given_noise
 from gmwm.files.importers.values import as_reference
@@ -242,12 +243,13 @@ def _of_numbers(
 def _of_axis(
     calibration: Calibration, axis: str, values: Values, given: Given, *, horizon: float
 ) -> Iterator[ReferenceNumber]:
-    """Yield the compared numbers of one axis. N and K of a file are compared with those for the time horizon."""
+    """Yield the compared numbers of one axis; N and K of a file with those that a file for the horizon has."""
     measured: Mapping[str, Entry] = calibration.datasheets[axis]
     written = given.written.get(axis, {})
-    if written:
+    if written and not (horizon == DEFAULT_HORIZON_S and {"N", "K"} <= measured.keys()):
         noise = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
-        measured = {**measured, **noise}
+        bounds = {symbol for symbol in noise if symbol in measured and measured[symbol].upper_only}
+        measured = {**measured, **noise, **{symbol: as_limit(noise[symbol]) for symbol in bounds}}
     numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
     keys = dict(written)
     if values.sigma and values.time:

@@ -48,7 +48,7 @@ _MENTIONS = {"gyro": r"gyr|omega|angular(?:rate|vel)|(?:turn|rotation)rate", "ac
 _FIELDS = {"h", "b", "m", "field", "compass", "velocity", "vel", "force"}  # magnetic fields may be in mG, milligauss
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
 
-_ELEMENT = re.compile(r"\[([012])\]")  # pattern of an element of an array of three axes: gyroADC[0] is the x axis
+_ELEMENT = re.compile(r"(?<!(?<![xyz])[xyz])\[([012])\]", re.I)  # gyroADC[0] is the x axis, but gyro_z[0] is z
 
 LONGEST_NAME = 200
 """Largest number of characters of a name or unit that are searched. Much longer strings would take minutes."""
