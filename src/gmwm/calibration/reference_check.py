@@ -250,16 +250,14 @@ def _of_axis(
         noise = effective_noise(calibration[axis], horizon, calibration.settings.confidence)
         bounds = {symbol for symbol in noise if symbol in measured and measured[symbol].upper_only}
         measured = {**measured, **noise, **{symbol: as_limit(noise[symbol]) for symbol in bounds}}
-    numbers = {symbol: getattr(values, symbol) for symbol in POWERS}
-    keys = dict(written)
+    numbers, keys = {symbol: getattr(values, symbol) for symbol in POWERS}, dict(written)
     if values.sigma and values.time:
         # For times far below T, a Gauss-Markov process of standard deviation σ is a random walk with K = σ √(2/T).
         numbers["K"] = values.sigma * math.sqrt(2 / values.time)
         keys["K"] = written.get("sigma", ("sigma", None))
-    for symbol, value in numbers.items():
-        if value:
-            key, raw = keys.get(symbol, ("", None))
-            yield _row(axis, symbol, value, measured.get(symbol), key=key, written=raw)
+    for symbol in filter(numbers.get, numbers):
+        key, raw = keys.get(symbol, ("", None))
+        yield _row(axis, symbol, numbers[symbol], measured.get(symbol), key=key, written=raw)
 
 
 def _row(
