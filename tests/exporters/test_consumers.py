@@ -126,6 +126,19 @@ def test_the_file_has_the_numbers_of_the_table(units, format):
                     assert found == pytest.approx(values if axes == "each" else [max(values)] * 3, rel=2e-6)
 
 
+@each("format", MARKOV)
+def test_a_bias_of_an_upper_limit_walks_by_this_limit(format):
+    """Also if the program has one T for all axes, which comes from an axis with a measured bias."""
+    mixed = TRUTHS["no-walk"] | {"gyro_x": TRUTHS["gauss-markov"]["gyro_x"]}
+    calibration = calibrated(mixed)
+    consumed = CONSUMERS[format](calibration.export(format=format, axes="each"))
+    for axis, sheet in calibration.datasheets.items():
+        walk = consumed[axis[:-2]][1]["xyz".index(axis[-1])]
+        if axis != "gyro_x":
+            assert sheet["K"].upper_only
+            assert walk == pytest.approx(sheet["K"].high, rel=2e-6)
+
+
 @each("format", sorted(CONSUMERS))
 def test_a_file_begins_with_its_verdict_and_has_few_comments(units, format):
     for calibration in units.values():

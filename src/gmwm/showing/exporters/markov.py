@@ -39,7 +39,7 @@ class Bias:
 
 def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
     """Fit white noise and a GM bias to each axis by least squares of the log Allan variance from `low` to `high` (s),
-    also limits of T; `common` gives one T. If K is an upper limit, so is σ: the walk's RMS over the longest time."""
+    also limits of T; `common` gives one T. If K is an upper limit, so is σ, which has the walk K at times below T."""
     slow = [axis for axis in axes if not axis.K.upper and axis.K.value > 0]
     groups = [slow] if common and slow else [[axis] for axis in slow]
     fitted: dict[str, Bias] = {}
@@ -55,7 +55,7 @@ def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) 
     time = next(iter(fitted.values())).time if common and fitted else high
     for axis in axes:
         if axis.axis not in fitted:
-            sigma = axis.K.scaled(math.sqrt(high / 6))
+            sigma = axis.K.scaled(math.sqrt(time / 2))
             fitted[axis.axis] = Bias(axis=axis.axis, N=axis.N, sigma=sigma, time=time, error=0.0)
     return fitted
 
