@@ -12,6 +12,7 @@ import pytest
 import gmwm
 from gmwm.base.remarks import Quantity
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers
+from gmwm.files.importers import given_noise
 from gmwm.showing.exporters import export_formats
 from gmwm.theory.processes import Model
 from tests.helpers import code_of, each, only, raises
@@ -137,6 +138,17 @@ def test_a_bias_of_an_upper_limit_walks_by_this_limit(format):
         if axis != "gyro_x":
             assert sheet["K"].upper_only
             assert walk == pytest.approx(sheet["K"].high, rel=2e-6)
+
+
+@each("format", ["kalibr", "vins", "fastlio", "orbslam3", "liosam", "kfgins", "px4", "ardupilot"])
+def test_a_file_with_upper_limits_is_read_back(units, format, tmp_path):
+    text = units["no-walk"].export(format=format)
+    (tmp_path / "file").write_text(text, encoding="utf-8")
+    values = given_noise(tmp_path / "file", RATE).values
+    for sensor, (white, walk) in CONSUMERS[format](text).items():
+        for k, letter in enumerate("xyz"):
+            found = values[f"{sensor}_{letter}"]
+            assert (found.N, found.K or found.sigma * math.sqrt(2 / found.time)) == pytest.approx((white[k], walk[k]))
 
 
 @each("format", sorted(CONSUMERS))

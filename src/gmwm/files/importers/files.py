@@ -78,7 +78,7 @@ def parse(text: str, path: Path) -> ParameterFile:
 
     # The bounds that gmwm writes for PX4 and ArduPilot are comments, so that loading the file changes nothing.
     if re.match(r"# Noise of an IMU for [^\n]*, lower bounds\. Written by gmwm", text):
-        text = re.sub(rf"(?m)^# (?=[\d\s]*EK(?:F2|3)_\w+[\s,]+{NUMBER})", "", text)
+        text = re.sub(rf"(?m)^# ([\d\s]*EK(?:F2|3)_\w+[\s,]+{NUMBER}.*?)(?:  upper limit)?$", r"\1", text)
     body = re.sub(r"\A%YAML:[^\n]*\n(?:---[^\n]*)?", lambda head: "\n" * head[0].count("\n"), text)  # OpenCV's head
     try:
         root = YAML(typ="safe", pure=True).compose(body)
