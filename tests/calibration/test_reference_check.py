@@ -133,6 +133,14 @@ def test_a_file_is_compared_with_the_numbers_of_the_datasheet(calibration, tmp_p
     assert longer["gyro_x.N"].measured != calibration.datasheets["gyro_x"]["N"]
 
 
+def test_the_summary_states_the_rate_for_which_a_file_is_read(calibration, tmp_path):
+    file, _ = file_of(tmp_path, "vins", 1.0)
+    assert "vins.txt (VINS, 100 Hz)" in calibration.agree(file).summary()
+    fast = calibration.agree(given_noise(file, 400.0))
+    assert "vins.txt (VINS, 400 Hz)" in fast.summary()
+    assert fast["gyro_x.N"].reference == pytest.approx(N["gyro"] / 2, rel=1e-6)
+
+
 def test_documents_and_errors(calibration, tmp_path):
     file, _ = file_of(tmp_path, "vins", 1.0)
     content = json.loads(json.dumps(calibration.agree(file).to_dict()))

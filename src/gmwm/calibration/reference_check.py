@@ -120,7 +120,7 @@ class ReferenceCheck(Documented, Summarised):
     horizon : float
         Time horizon (s) of N and K if the reference is a file.
     rate : float
-        Sampling rate (Hz) of the calibration.
+        Sampling rate (Hz) of the program of the file, or of the calibration if the file does not state it.
     level : float
         Confidence level of the intervals.
     unmatched : tuple of str
@@ -188,7 +188,7 @@ def check_reference(calibration: Calibration, reference: ReferenceLike, *, horiz
         name, form = "reference", "datasheet"
     else:
         stated = reference if isinstance(reference, Given) else _parse_reference(reference, rate)
-        name, form = (PurePath(stated.source).name if stated.written else "datasheet"), stated.format
+        name, form, rate = PurePath(stated.source).name if stated.written else "datasheet", stated.format, stated.rate
         unmatched = tuple(axis for axis in stated.values if axis not in calibration)
         rows = [
             row
@@ -305,15 +305,15 @@ def _cause(row: ReferenceNumber, rate: float) -> str | None:
 
 def _summary(found: ReferenceCheck, dialect: Dialect) -> str:
     """Return the text of `ReferenceCheck.summary`."""
-    verdict, *others = found.remarks
-    in_file = any(row.key for row in found)
+    (verdict, *others), in_file = found.remarks, any(row.key for row in found)
     head = ["", *(["in the file"] if in_file else []), "reference", f"measured ({100 * found.level:g} % interval)"]
     head += [*(["measured, as in the file"] if in_file else []), "measured / reference", ""]
     rows = [head, *(_row_text(row, in_file) for row in found)]
-    about = f"Reference: {found.name} ({found.format})." if in_file else "Reference: numbers of a datasheet."
+    about = "numbers of a datasheet."
     if in_file:
-        about += f" Measured N and K are for a filter with a horizon of {found.horizon:g} s, as in exported files."
-    parts = [about, *texts(others, dialect)]
+        about = f"{found.name} ({found.format}, {found.rate:g} Hz). Measured N and K are for a filter with a horizon "
+        about += f"of {found.horizon:g} s, as in exported files."
+    parts = [f"Reference: {about}", *texts(others, dialect)]
     if found.unmatched:
         parts.append(f"The calibration does not have {', '.join(found.unmatched)}.")
     paragraphs = [wrap_text(texts([verdict], dialect)[0]), table_with_rule(rows), *map(wrap_text, parts)]
