@@ -109,8 +109,8 @@ def test_white_noise_includes_slow_noise_below_the_limit_of_the_walk(horizon):
     alone = fit.datasheet()["N"].value
     assert walk.upper_only
     assert white.value == near(alone, 1e-6)
-    # The Allan variance at T of white noise and of a random walk is N²/T + K² T/3.
-    assert white.high**2 > alone**2 + walk.high**2 * horizon / 3
+    # Allan variances at T: N²/T of white noise, K² T/3 of a walk, K N ln 2 of flicker noise with the same filter.
+    assert white.high**2 > alone**2 + horizon * walk.high * max(walk.high * horizon / 3, alone * np.log(2))
 
 
 def test_a_walk_is_a_limit_if_another_filter_may_be_best():

@@ -202,13 +202,13 @@ def checked_horizon(horizon: float) -> float:
 def limited(fit: Fit, entries: Mapping[str, Entry], horizon: float, level: float) -> dict[str, Entry]:
     """Return N and K with upper limits, from a fit with this noise added, where they may be zero.
 
-    Slow noise below K's limit adds up to K² T/3 to the Allan variance at the horizon T. A filter counts it in N if its
-    correlation time is a few T, which the recording does not show, so N's interval includes it."""
+    N includes slow noise at K's limit, with the Allan variance K² T/3 (walk) or K N ln 2 (flicker noise) at T."""
     numbers = {symbol: _limited(fit, entry, level) for symbol, entry in entries.items()}
     white, walk = numbers["N"], numbers["K"]
     absent = walk.upper_only and not entries["K"].value
     if absent and walk.high and white.high and not white.held and math.isfinite(walk.high):
-        numbers["N"] = replace(white, high=math.hypot(white.high, walk.high * math.sqrt(horizon / 3)))
+        slow = walk.high * max(walk.high * horizon / 3, white.high * math.log(2))
+        numbers["N"] = replace(white, high=math.sqrt(white.high**2 + horizon * slow))
     return numbers
 
 
