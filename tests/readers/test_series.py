@@ -47,7 +47,7 @@ def table(head, first, scale=1.0, sep=","):
 
 def calendar_years():
     year = DAYS.astype("M8[Y]")
-    begin, end = year.astype("M8[D]"), (year + 1).astype("M8[D]")
+    begin, end = year.astype("M8[D]"), (year + np.timedelta64(1, "Y")).astype("M8[D]")
     share = ((DAYS - begin).astype(int) + 0.5) / (end - begin).astype(int)
     return [f"{value:.4f}" for value in year.astype(int) + 1970 + share]
 
