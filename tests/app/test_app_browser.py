@@ -163,11 +163,11 @@ def test_a_million_samples_open_and_a_span_is_marked_with_the_mouse(opened, tmp_
     assert page.locator("#traces .js-plotly-plot").count() == 6
     box = page.locator("#traces .nsewdrag").first.bounding_box()
     y = box["y"] + box["height"] / 2
-    page.mouse.move(box["x"] + 0.25 * box["width"], y)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.5 * box["width"], y, steps=5)
-    page.mouse.up()
-    for _ in range(100):
+    for _ in range(100):  # the plot can be seen before it takes the mouse
+        page.mouse.move(box["x"] + 0.25 * box["width"], y)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.5 * box["width"], y, steps=5)
+        page.mouse.up()
         begin, end = (page.input_value(f"#span-{name}") for name in ("from", "to"))
         if end:
             break
