@@ -187,13 +187,13 @@ def _of_axis(
             axis=axis, symbol=symbol, title=first.title, unit=first.unit, entries=entries,
             use=tuple(of[axis][symbol].usability.value if symbol in of.get(axis, ()) else None for of in uses),
         )  # fmt: skip
-        known = sum(_is_known(entry) for entry, _ in pairs)
+        intervals = sum(_is_known(entry) for entry, _ in pairs)
         usable = [
             (entry, _quantile(sheet)) for entry, sheet in zip(row.usable, axis_sheets, strict=True)
             if entry is not None and sheet is not None and _is_known(entry)
         ]  # fmt: skip
         kinds = {entry.term is None for entry, _ in pairs if symbol == BIAS}
-        reason = "interval" if known < 2 else "use" if len(usable) < 2 else ""
+        reason = "interval" if intervals < 2 else "use" if len(usable) < 2 else ""
         reason = "models" if not alike else "one recording" if len(pairs) < 2 else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(replace(row, pvalue=pvalue, reason=reason))

@@ -21,6 +21,7 @@ from gmwm.files.clock.loss_levels import Rows
 from gmwm.files.clock.rate_check import require_one_rate, require_order
 from gmwm.files.clock.sampling_interval import RATE_TOLERANCE, SampleLosses, find_losses, resolution_of
 from gmwm.files.clock.time_stamps import (
+    STAMPS_BEHIND,
     ClockSteps,
     SegmentStarts,
     Timing,
@@ -219,7 +220,7 @@ def _returns(ticks: Vector, walls: Rows) -> int:
     if not walls.size:
         return 0
     stamps, counts = np.unique(ticks, return_counts=True)
-    rows = np.minimum(walls[:, None] + np.arange(8), ticks.size - 1)
+    rows = np.minimum(walls[:, None] + np.arange(STAMPS_BEHIND), ticks.size - 1)
     return int(np.count_nonzero(np.all(np.isin(ticks[rows], stamps[1:][counts[1:] > 1]), axis=1)))
 
 

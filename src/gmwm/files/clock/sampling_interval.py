@@ -414,10 +414,10 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         rows_level = row_levels(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # The losses are now known. Without them, the statistic of each block is its phase.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    found = _with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name)
+    losses = _with_closed_gaps(ticks, closed, far, rows_level, width=width, name=name)
     # Losses that are not counted move the phase for good, and longer parts by more; after a delay it returns.
     longer, shorter = (np.std(np.diff(_blocks_of(r, max(1, n // parts), "mean"), 2)) for parts in (16, 64))
-    return replace(found, unclear=bool(coherence < SEARCH.clear and longer > shorter))
+    return replace(losses, unclear=bool(coherence < SEARCH.clear and longer > shorter))
 
 
 def _moving_median(v: Vector, width: int) -> Vector:

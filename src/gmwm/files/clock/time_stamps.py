@@ -26,7 +26,7 @@ _NOMINAL_WINDOW = 64
 _HOUR = 3600  # step of a clock at a change to or from summer time (s)
 _HOUR_WITHIN = 0.25
 """Largest difference (s) of such a step; two sampling intervals if shorter, and at least half of one."""
-_STAMPS_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one is late
+STAMPS_BEHIND = 8  # time stamps after a backward step that show whether the clock was set back or one is late
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, Integers]
     back = np.flatnonzero(np.diff(ticks) < 0)
     if not back.size:
         return ticks, np.empty(0, dtype=np.int64)
-    last = np.minimum(back + 1 + _STAMPS_BEHIND, ticks.size - 1)
+    last = np.minimum(back + 1 + STAMPS_BEHIND, ticks.size - 1)
     base = np.minimum(ticks[back], ticks[np.maximum(back - 1, 0)] + nominal)
     missing = base + (last - back) * nominal - ticks[last]
     walls = back[missing > 0.75 * nominal + 1e-9 * np.abs(base)] + 1

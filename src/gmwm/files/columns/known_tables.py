@@ -35,8 +35,8 @@ def _tables() -> list[KnownTable]:
 
 def names_by_file(path: Path, columns: int) -> tuple[str, ...]:
     """Return the names of the columns of a file without a header, by the name of the file; () if it is not known."""
-    known = (tuple(table.names) for table in _tables() if table.names and re.search(table.file, path.stem))
-    return next((names for names in known if len(names) == columns), ())
+    headers = (tuple(table.names) for table in _tables() if table.names and re.search(table.file, path.stem))
+    return next((names for names in headers if len(names) == columns), ())
 
 
 def known_table(names: Sequence[str], path: Path, above: Sequence[str]) -> tuple[str, Mapping[int, tuple[str, str]]]:

@@ -225,8 +225,8 @@ class _Prediction:
         pool = smallest[given & in_gap]
         # As residuals of any regression, they are smaller than the errors of the process.
         pool *= np.linalg.norm(smallest[in_gap]) / max(float(np.linalg.norm(pool)), np.finfo(float).tiny)
-        found = level + solve(errors - rng.choice(np.concatenate([pool, -pool]), at.size))
-        known.values[at[missing]] = found[missing]
+        samples = level + solve(errors - rng.choice(np.concatenate([pool, -pool]), at.size))
+        known.values[at[missing]] = samples[missing]
 
 
 def _least_squares(lost: NDArray[np.bool_], filter_: Vector) -> Callable[[Vector], Vector]:

@@ -273,12 +273,12 @@ def _straight_length(values: Vector, begins: Indices) -> int:
     alone = line[1:-1] & ~line[:-2] & ~line[2:]
     share = max(fraction(alone), 1e-6)
     length = max(int(np.ceil(np.log(_UNLIKELY / values.size) / np.log(share))), 3)
-    some, rounding = np.count_nonzero(line[:_OF_STEP]), rounding_of(values)
-    if some > LIMITS.least_share * _OF_STEP:
+    on_line, rounding = np.count_nonzero(line[:_OF_STEP]), rounding_of(values)
+    if on_line > LIMITS.least_share * _OF_STEP:
         # By chance, half as many samples are on the line as at any small distance from it, on both sides.
-        beside = np.rint(np.abs(np.diff(values[:_OF_STEP], 2)) / rounding)
-        counts = np.unique(beside[beside > 1], return_counts=True)[1]
-        length = 1 if np.max(counts, initial=0) / 2 <= LIMITS.false_share * some else length
+        distances = np.rint(np.abs(np.diff(values[:_OF_STEP], 2)) / rounding)
+        counts = np.unique(distances[distances > 1], return_counts=True)[1]
+        length = 1 if np.max(counts, initial=0) / 2 <= LIMITS.false_share * on_line else length
     rows = in_long_runs(line, length + 1)  # see `_in_straight_runs`
     if length > _FROZEN or not 0 < fraction(rows) <= _MOST_STRAIGHT:
         return 0

@@ -240,7 +240,7 @@ class Process(HaarTheory, ABC):
         A subclass that has closed forms for some filters calls `super().shape` for the others."""
         numbers, processes = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
         # An exact state space is preferred: differences of K lose digits by cancellation, its block sums do not.
-        if processes and cls._derives("state_space") and (filter is HAAR or processes[0].stationary):
+        if processes and cls._derives("state_space") and (filter is HAAR or cls.stationary):
             spaces = [process.state_space(rate) for process in processes]
             if filter is HAAR:
                 return haar_variances(spaces, numbers)
