@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "gmwm/pack.hpp"
 
@@ -199,7 +200,7 @@ double TableProducts::sum(const LagPiece& left, const TablePiece& piece, const C
   return total;
 }
 
-double TableProducts::echo(const LagPiece& left, const TablePiece& piece) const {
+double TableProducts::echo(const LagPiece& left, const TablePiece& piece) {
   const std::span<const double> decays = table_.decays();
   const LagPiece& from = piece.covariance;
   const double n = static_cast<double>(piece.count);
@@ -212,24 +213,42 @@ double TableProducts::echo(const LagPiece& left, const TablePiece& piece) const 
     for (std::size_t r = 0; r < moments; ++r)
       for (std::size_t s = 0; s <= from.degree; ++s) both[r + s] += from.polynomial[s] * forward[r];
     total += swept(both, moments - 1 + from.degree, angle, piece.count).re;
-    const Series ahead = falling.of(forward), behind = falling.of(turned(forward, moments - 1, n));
+    // The sums with the exponentials at the end of the piece are conjugates of those at its start.
+    const Series ahead = falling.of(forward);
+    Series behind = falling.of(turned(forward, moments - 1, n));
     const Complex end = exp(-((n - 1) * angle));
-    const auto sum = [&](const Series& functions, Complex decay) {
-      const Complex z = exp(-decay), zn = exp(-(n * wrapped(decay))), over = inverse(expm1(-wrapped(decay)));
-      Complex moment = expm1(-(n * wrapped(decay))) * over, out = functions[0] * moment;
-      for (std::size_t r = 1; r < moments; ++r) {
-        moment = (falling.end[r] * zn - falling.step[r] * (z * moment)) * over;
-        out += functions[r] * moment;
-      }
-      return out;
-    };
+    for (Complex& value : behind) value = conj(end * value);
+    const Turned& constants = turned_by(echo.angle);
+    const double turn = std::remainder(n * echo.angle, 2 * std::numbers::pi), half = std::sin(0.5 * turn);
+    const Complex turned_end{std::cos(turn), -std::sin(turn)};
     for (std::size_t q = piece.first; q < decays.size(); ++q) {
       const double *column = &piece.columns[4 * (q - piece.first)], E = column[0], F = column[1];
-      if (E != 0) total += E * sum(ahead, Complex{decays[q], 0} + angle).re;
-      if (F != 0) total += F * (end * sum(behind, Complex{decays[q], 0} - angle)).re;
+      if (E == 0 && F == 0) continue;
+      const Complex z = constants.pole[q], over = constants.over_apart[q];
+      const double lost = std::expm1(-n * decays[q]);
+      const Complex zn = (1 + lost) * turned_end;
+      Complex moment = Complex{lost * turned_end.re - 2 * half * half, zn.im} * over;
+      const Complex last = zn * over, step = z * over;
+      for (std::size_t r = 0;;) {
+        total += (moment * (E * ahead[r] + F * behind[r])).re;
+        if (++r == moments) break;
+        moment = falling.end[r] * last - falling.step[r] * (step * moment);
+      }
     }
   }
   return total;
+}
+
+// z and 1 / (z - 1) of the decays of the table, turned by an angle.
+const TableProducts::Turned& TableProducts::turned_by(double angle) {
+  const auto [found, fresh] = turned_.try_emplace(angle);
+  Turned& out = found->second;
+  if (fresh)
+    for (const double decay : table_.decays()) {
+      const Complex sum = wrapped({decay, angle});
+      out.pole.push_back(exp(-sum)), out.over_apart.push_back(inverse(expm1(-sum)));
+    }
+  return out;
 }
 
 }  // namespace gmwm

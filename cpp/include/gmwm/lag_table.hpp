@@ -65,7 +65,7 @@ class TableProducts {
   // the exponentials of `left`.
   double sum(const LagPiece& left, const TablePiece& piece, const Complex* power, const Falling::Values& sums) const;
   // The same for an echo.
-  double echo(const LagPiece& left, const TablePiece& piece) const;
+  double echo(const LagPiece& left, const TablePiece& piece);
 
  private:
   struct Close {
@@ -78,10 +78,15 @@ class TableProducts {
     std::vector<double> constants;    // for each column p, a b p², q and a q², p = 1 / (1 - a b), q = 1 / (b - a)
     std::vector<Close> close;         // columns for which a series may be needed
   };
+  struct Turned {
+    std::vector<Complex> pole, over_apart;  // of each column
+  };
   double exponential(const Row& row, Complex E, Complex F, Complex end, const TablePiece& piece) const;
+  const Turned& turned_by(double angle);
 
   const LagTable& table_;
   std::vector<Row> rows_;
+  std::map<double, Turned> turned_;  // by angle
 };
 
 }  // namespace gmwm

@@ -437,12 +437,13 @@ def _equivalent(
     """Yield the places of the candidates that are as good as the best one and contain no smaller such one, the simplest
     first."""
     best, level = candidates[0], _levels(candidates)
-    if not _is_near(best) and (near := next(filter(_is_near, candidates), None)) and _is_rejected(best, near):
+    distinct = [k for k, c in enumerate(candidates) if c.same_as is None]
+    if not _is_near(best):
         # A model that the test rejects is not the best one if it accepts another.
-        best = near
+        near = next((candidates[k] for k in distinct if _is_near(candidates[k])), None)
+        best = near if near is not None and _is_rejected(best, near) else best
     equivalent, worse = list[Candidate](), list[Candidate]()
-    distinct = [(c.parameters, level[c.structure], k) for k, c in enumerate(candidates) if c.same_as is None]
-    for *_, place in sorted(distinct):
+    for place in sorted(distinct, key=lambda k: (candidates[k].parameters, level[candidates[k].structure], k)):
         candidate = candidates[place]
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):

@@ -103,14 +103,14 @@ class Search:
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
             len(self.problem.curved), LIMITS.certified_gap,
-            LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self._starts(),
+            LIMITS.certify_nodes if certify else LIMITS.quick_nodes, self.starts(),
         )  # fmt: skip
 
     def tabulated(self) -> list[Place]:
         """Return the places of the best optimum on the tabulated curve that a search without a certificate finds."""
         return self.places_of(self.branch_and_bound(certify=False)[0][0][1])
 
-    def _starts(self) -> Vector:
+    def starts(self) -> Vector:
         """Return the starting values on the tabulated curve; empty unless every curved process has one."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []

@@ -76,7 +76,7 @@ class ExponentialSearch(Search):
                 grid.middle_values, BOUND_FACTOR, NEIGHBOUR_CELLS
             )  # fmt: skip
         values, bound, relaxed, table, nodes = self.kernel.solve(
-            weights.tables[grid], len(self.problem.curved), most, self._starts()
+            weights.tables[grid], len(self.problem.curved), most, self.starts()
         )
         return SearchResult(self.optimum_of(*values), bound=bound, relaxed=relaxed, table=table, nodes=nodes)
 

@@ -86,7 +86,7 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 def solve_near(problem: Problem) -> Solution:
     """Find the optimum near the model's values without a scan, enough for almost the same data."""
     if not problem.free:
-        return solve(problem, certify=False)
+        return _follow(problem) or solve(problem, certify=False)
     surface = Surface(problem)
     point = given_point(problem, surface)
     optimum = None if point is None else surface.downhill(point)
@@ -94,6 +94,25 @@ def solve_near(problem: Problem) -> Solution:
         return solve(problem, certify=False)
     start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
     return _sharpened(problem, surface, optimum, start)
+
+
+def _follow(problem: Problem) -> Solution | None:
+    """Find the local optimum near the values of the curved processes; None without values, or if one is zero: only a
+    search finds a place for it."""
+    processes = [problem.model.processes[place] for place in problem.curved]
+    if not processes or not all(process.is_complete and process.scale > 0 for process in processes):
+        return None
+    search = search_of(problem)
+    positions = search.starts()
+    if not positions.size:
+        return None
+    places = search.places_of(positions)
+    start = Start(how="given", tried=1, objective=search.at(places).objective * problem.unit**2)
+    near = Solution(
+        objective=start.objective, lower_bound=None, relaxed_bound=0.0, scales=np.empty(0), terms=(), places=(),
+        nodes=0, start=start,
+    )  # fmt: skip
+    return move(search, near, search.follow(places, ends=True), ends=True)
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
