@@ -18,7 +18,7 @@ import numpy as np
 from gmwm.base import _core
 from gmwm.base.arrays import Integers, Matrix, Vector, freeze
 from gmwm.base.errors import GmwmError
-from gmwm.base.lazy import scipy
+from gmwm.base.lazy import once_per_result, scipy
 from gmwm.choosing.selection.candidate_fits import Explored
 from gmwm.choosing.selection.ranking import Candidate, Comparison, Ranking
 from gmwm.choosing.selection.structure import without_values
@@ -269,7 +269,9 @@ def difference_error(first: Fit, second: Fit, weights: Weights, wavelet: Matrix)
     """Compute the standard error of the difference of two fits' losses, with Ω and V of the ranking; see `compare`."""
     root = weights.root
     scatter = root @ wavelet @ root.T
-    axes = [axes_of(fit, root) for fit in (first, second)]
+    # A ranking compares all candidates with the best one.
+    best = once_per_result(second, "axes", weights.matrix.tobytes(), lambda: axes_of(second, root))
+    axes = axes_of(first, root), best
     shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
     residuals = [root @ (fit.wavelet_variance.variance - fit.implied) for fit in (first, second)]
     pull = residuals[0] - residuals[1]

@@ -171,17 +171,19 @@ def _nearly_settled(
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False, quick=True)
     first, at = (problem, solution), model_of(problem, solution, wv.slope)
+    wavelet = drawn_covariance(at.sorted(wv.rate), design, wv.variance)
+    if not np.all(np.diag(wavelet) > 0):
+        raise no_noise(model.structure)
     # Weights have then converged to a few per cent, sufficient to compare models.
-    for k in range(3):
-        wavelet = drawn_covariance(at.sorted(wv.rate), design, wv.variance)
-        if not np.all(np.diag(wavelet) > 0):
-            raise no_noise(model.structure)
+    last = 2
+    for k in range(last + 1):
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         # The first weights differ so much from those of the data that rounding decides where a descent from the last
         # optimum ends. The scan for free processes would take as long as all the rest.
         solution = resume(problem, solution) if k or problem.free else solve(problem, certify=False)
         at = model_of(problem, solution, wv.slope)
-        if not _has_noise(at, design):
+        after = wavelet if k == last else drawn_covariance(at.sorted(wv.rate), design, wv.variance)
+        if not (_has_noise(at, design) if k == last else np.all(np.diag(after) > 0)):
             # Under the full weights of a poor estimate, a model without noise can be the best one, for example a ramp
             # alone; under their variances seldom, and under the weights of the data never.
             wavelet = np.diag(np.diag(wavelet))
@@ -191,6 +193,7 @@ def _nearly_settled(
                 problem, solution = first
                 wavelet = np.diag(1 / np.diag(problem.matrix))
             break
+        wavelet = after
     solution = solve(problem, certify=False, near=solution)
     # Cached objects exist until Python exits, and nanobind reports kernel objects that exist then.
     problem.weights.tables.clear()
