@@ -9,11 +9,12 @@ import pytest
 
 import gmwm
 from gmwm.base.errors import DataError, GmwmWarning, ReadError
+from gmwm.files.clock import clock
 from gmwm.files.clock.missing_values import gaps_of
 from gmwm.files.formats import parquet, text
 from gmwm.files.readers import interpretation, read, stream
 from gmwm.files.readers.parts import PartReader
-from tests.helpers import code_of, raises, warns
+from tests.helpers import code_of, codes, raises, warns
 
 ROWS = 6000
 VALUES = np.random.default_rng(1).normal(size=(ROWS, 2)).round(6)
@@ -301,3 +302,43 @@ def test_a_logger_that_writes_only_changes_is_refused_at_once(tmp_path, axes):
             opened(path)
     some = saved(tmp_path, [line for line, lost in zip(lines, rng.random(ROWS) < 0.2, strict=True) if not lost], header)
     assert len(read(some)["gyro_x"].segments) > 500
+
+
+BUFFERS = [*LINES[:2000], *LINES[1200:2000], *LINES[2000:4500], *LINES[3800:4500], *LINES[4500:]]
+
+
+@pytest.mark.parametrize("block", [1 << 20, 1000])
+def test_a_buffer_that_was_written_twice_is_used_once(tmp_path, small_blocks, monkeypatch, block):
+    monkeypatch.setattr(clock, "BLOCK", block)
+    monkeypatch.setattr(clock, "MARGIN", 1000)
+    path = saved(tmp_path, BUFFERS)
+    with warns("stamps-irregular:again", count=2, rows=1500):
+        imu = read(path)
+    once = read(saved(tmp_path, LINES))
+    assert (imu.segments, imu.time_base) == (once.segments, once.time_base)
+    assert all(np.array_equal(imu[axis].values, once[axis].values) for axis in once)
+    with warns("stamps-irregular:again", count=2, rows=1500):
+        source = stream(saved(tmp_path, BUFFERS))
+    (part,) = source.parts(3)
+    for samples in (source.samples(), PartReader(part).samples()):
+        values = np.concatenate([some.values["gyro_x"] for some in samples])
+        assert np.array_equal(values, once["gyro_x"].values)
+
+
+def test_rows_that_look_like_earlier_ones_are_no_copies(tmp_path):
+    stamps = [line.split(",")[0] for line in LINES]
+    coarse = (VALUES > 3).astype(int)  # nearly always zero
+    other = [f"{stamps[k]},{x},{y}\n" for k, (x, y) in zip(range(1200, 2000), VALUES[3000:3800], strict=True)]
+    steady = [f"{stamp},{x},{y}\n" for stamp, (x, y) in zip(stamps, coarse, strict=True)]
+    held = [f"{stamp},{x},{y}\n" for stamp, (x, y) in zip(stamps, np.repeat(VALUES[::20], 20, axis=0), strict=True)]
+    zeros = next(k for k in range(1000) if not coarse[k : k + 100].any())
+    for lines in (
+        [*LINES[:2000], *other, *LINES[2000:]],
+        [*steady[: zeros + 100], *steady[zeros : zeros + 50], *steady[zeros + 100 :]],
+        held,
+    ):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", GmwmWarning)
+            imu = read(saved(tmp_path, lines))
+        assert "stamps-irregular:again" not in codes(imu.remarks)
+        assert imu["gyro_x"].values.size == len(lines)

@@ -16,7 +16,7 @@ from gmwm.files.clock.clock import clock_of
 from gmwm.files.clock.running_clock import Pace, RunningClock
 from gmwm.files.clock.time_stamps import as_stamps
 from gmwm.files.readers import read
-from tests.helpers import code_of, codes, only, raises
+from tests.helpers import code_of, only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 
@@ -163,16 +163,6 @@ def set_back(rate, unit=0.0):
 
 def samples_per_gap(clock):
     return [(row, round(seconds * clock.rate - 1)) for row, seconds in clock.gaps]
-
-
-def test_rows_that_were_written_twice_are_told_from_a_clock_that_was_set_back():
-    rows = np.arange(20_000)
-    twice = np.concatenate([rows[:9_000], rows[8_000:15_000], rows[14_950:]])
-    found = clock_of([twice / 100], "s", None)[0]
-    assert only(found.remarks, "stamps-irregular:again").facts["count"] == 2
-    assert codes(found.remarks) == ["stamps-irregular:again"]
-    other = np.concatenate([rows[:9_000] / 100, rows[8_000:] / 100 + 0.0037])
-    assert codes(clock_of([other], "s", None)[0].remarks) == ["stamps-irregular:backward"]
 
 
 def test_no_sample_is_lost_where_the_clock_is_set_back():

@@ -65,7 +65,6 @@ class _StampBlock:
     # number of time stamps that equal the previous one, and number that are smaller than the previous one
     duplicates: int
     backward: int
-    again: int  # number of places where the clock was set back, and from which on time stamps of other rows return
     steps: ClockSteps  # wraps of a counter and changes of summer time
     spaced: bool  # whether the intervals are multiples of a tenth of a sampling interval or more, as if rounded
     of_float32: bool  # whether float32 sets the resolution of the time stamps
@@ -107,6 +106,40 @@ def rows_between(
     ticks = np.fmax.accumulate(in_order(window.ticks, window.integer, window.per_second).ticks)
     first, last = np.searchsorted(ticks, [begin * window.per_second, end * window.per_second]).tolist()
     return slice(first, last), float(ticks[min(first, ticks.size - 1)]) / window.per_second
+
+
+def copied_rows(chunks: Iterable[NDArray[Any]]) -> tuple[tuple[int, int], ...]:
+    """Return the ranges of rows that were written again; `chunks` have the fields "time" and "values" (bits).
+
+    Rows with few changes of a value are no copies, because they can be equal by chance where the clock was set back."""
+    copies, row = [(0, 0)], 0
+    for window, begin, end in _windows(chunks):
+        stamps, values = window["time"], window["values"]
+        order = np.argsort(stamps, kind="stable")
+        back = np.flatnonzero(np.diff(stamps) < 0) + 1
+        edges = (np.searchsorted(stamps, stamps[back], side, sorter=order).tolist() for side in ("left", "right"))
+        for first, low, high in zip(back.tolist(), *edges, strict=True):
+            if not begin <= first < end or first + row - begin < copies[-1][1]:
+                continue
+            for source in order[low:high][order[low:high] < first].tolist():
+                stop = first + _equal_rows(window[source:first], window[first:])
+                if np.count_nonzero(np.diff(values[first:stop], axis=0)) >= STAMPS_BEHIND:
+                    copies.append((first + row - begin, stop + row - begin))
+                    break
+        row += end - begin
+    return tuple(copies[1:])
+
+
+def _equal_rows(rows: NDArray[Any], others: NDArray[Any]) -> int:
+    """Return the number of first rows that equal those of other rows."""
+    count, longest = 0, min(rows.size, others.size)
+    while count < longest:
+        part = slice(count, min(2 * count + STAMPS_BEHIND, longest))
+        differ = np.flatnonzero(rows[part] != others[part])
+        if differ.size:
+            return count + int(differ[0])
+        count = part.stop
+    return count
 
 
 def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:
@@ -208,20 +241,10 @@ def _block(
         exact=median > 0 and bool(np.all(np.abs(multiples - np.round(multiples)) * median <= exact)),
         whole=float(np.sum(steps)), spacing=window.spacing, duplicates=int(np.count_nonzero(raw == 0)),
         backward=int(np.count_nonzero(np.diff(order.ticks)[low - 1 : end - 1] < 0)),
-        again=_returns(window.ticks, walls[(walls >= begin) & (walls < end)]),
         steps=order.steps.between(begin, end), end=float(ticks[min(end, ticks.size - 1)]),
         spaced=resolution > 0.1 * losses.interval, of_float32=resolution == window.of_float32,
         course=_course(index, ticks[block]),
     )  # fmt: skip
-
-
-def _returns(ticks: Vector, walls: Rows) -> int:
-    """Return the number of rows `walls` from which on time stamps occur twice, unless a log begins again."""
-    if not walls.size:
-        return 0
-    stamps, counts = np.unique(ticks, return_counts=True)
-    rows = np.minimum(walls[:, None] + np.arange(STAMPS_BEHIND), ticks.size - 1)
-    return int(np.count_nonzero(np.all(np.isin(ticks[rows], stamps[1:][counts[1:] > 1]), axis=1)))
 
 
 def _joint_timing(
@@ -264,10 +287,9 @@ def _joint_timing(
         duplicates=sum(b.duplicates for b in blocks), backward=sum(b.backward for b in blocks),
     )  # fmt: skip
     remarks += about_stamps(base)
-    if again := sum(b.again for b in blocks):
-        remarks = [r for r in remarks if r.facts.get("case") != "backward"]
-        remarks.append(Remark.of("stamps-irregular", case="again", count=again))
-    return Timing(base, segments, starts=starts, remarks=tuple(remarks), width=blocks[0].found.width)
+    return Timing(
+        base, segments, starts=starts, remarks=tuple(remarks), width=blocks[0].found.width, set_back=bool(walls)
+    )
 
 
 def _interval(

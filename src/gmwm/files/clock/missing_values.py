@@ -88,6 +88,18 @@ def sift(rows: Rows, columns: Mapping[str, int], axes: Iterable[str]) -> Sifted:
     )  # fmt: skip
 
 
+def drop(rows: Rows, first: int, ranges: Sequence[tuple[int, int]]) -> Rows:
+    """Leave `ranges` of row numbers out of rows that begin with row number `first`."""
+    size = next(iter(rows.values())).size
+    inside = [(max(a - first, 0), b - first) for a, b in ranges if a < first + size and b > first]
+    if not inside:
+        return rows
+    stays = np.ones(size, dtype=bool)
+    for a, b in inside:
+        stays[a:b] = False
+    return {k: column[stays] for k, column in rows.items()}
+
+
 def values_of_axes(chunks: Iterable[Rows], columns: Mapping[str, int], axes: Sequence[str]) -> dict[str, int]:
     """Return the number of rows in which each axis has a value."""
     counts = dict.fromkeys(axes, 0)

@@ -198,13 +198,14 @@ class Stamps:
 
 @dataclass(frozen=True)
 class Timing:
-    """Time base, segments, start times (s), remarks, and the width of `sampling_interval.SampleLosses`."""
+    """Time base, segments, start times (s), remarks, the width of `SampleLosses`, and whether a clock was set back."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
     starts: tuple[float, ...]
     remarks: tuple[Remark, ...]
     width: int = 1
+    set_back: bool = False
 
 
 class SegmentStarts:

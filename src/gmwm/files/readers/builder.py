@@ -18,7 +18,7 @@ from gmwm.base.errors import DataError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
 from gmwm.base.units import beyond_sensors, in_celsius, si_unit
-from gmwm.files.clock.missing_values import about_lost, as_floats, gaps_of, is_missing, sift
+from gmwm.files.clock.missing_values import about_lost, as_floats, drop, gaps_of, is_missing, sift
 from gmwm.files.clock.running_clock import KnownClock, KnownSegments, RunningClock
 from gmwm.files.contract import Rows
 from gmwm.files.readers.interpretation import TEMPERATURE, Interpretation, RowSource
@@ -178,11 +178,14 @@ class SampleBuilder:
         # For each break between segments, the rows before and after it, and the number of the sample after it.
         self._breaks, self._count = list[tuple[int, int, int]](), 0
         self._impossible, self._lacking = 0, dict[str, int]()
+        self._read = first  # number of rows of the file
         self._cuts = {first} if lost_before else set[int]()  # rows after a row without a time stamp
 
     def add(self, rows: Rows) -> Iterator[Samples]:
         """Add the next rows, and yield the samples whose segments are now known."""
         interpretation, columns = self._found, self._found.choice.columns
+        first, self._read = self._read, self._read + next(iter(rows.values())).size
+        rows = drop(rows, first, interpretation.copies)
         sifted = sift(rows, columns, interpretation.choice.axes)
         self._count += sifted.unplaced
         self._lacking = _sum(self._lacking, sifted.lacking)

@@ -17,11 +17,12 @@ from gmwm.base.errors import DataError, GmwmWarning, InferredUnitWarning, ReadEr
 from gmwm.base.remarks import Quantity, Remark
 from gmwm.base.text import counted
 from gmwm.base.units import SI_UNIT, axis_quantity, in_celsius
-from gmwm.files.clock.clock import clock_of
+from gmwm.files.clock.clock import clock_of, copied_rows
 from gmwm.files.clock.missing_values import (
     Sifted,
     as_floats,
     dead_axes,
+    drop,
     is_missing,
     require_repeated_rows,
     sift,
@@ -89,6 +90,7 @@ class Interpretation:
     remarks: tuple[Remark, ...]  # remarks on how gmwm read the file
     # whether some rows of the file are left out, so that the clock counts fewer rows than the file has
     sparse: bool = False
+    copies: tuple[tuple[int, int], ...] = ()  # ranges of the rows that were written again, which are left out
     first_temperature: float | None = None  # the first reading of the temperature (°C); None if it is not read
     temperature_unit: str = ""  # the unit of the readings in the file; "" means °C
 
@@ -158,6 +160,11 @@ def understand(
         column = TimeColumn(source, choice, axes)
         column.alone = sifted.lost is None and sifted.cut is None and not sifted.other
         time, about_time = column.of(clock)
+        if time.set_back and (copies := copied_rows(column.records())):
+            column.copies = copies
+            time, about_time = column.of(clock)
+            count = sum(stop - first for first, stop in copies)
+            about_time += (Remark.of("stamps-irregular", case="again", count=len(copies), rows=count),)
         if sparse := _apart(column.values):
             return _without(sparse, layout, choice, rows, path=path, options=options, source=source)
     elif stamped:
@@ -197,7 +204,7 @@ def understand(
         choice=_read_columns(choice.only(axes), rows, column, temperature=reading is not None), words=words,
         factors={axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in axes},
         timing=time, pace=pace, remarks=of_file(remarks, path), sparse=column is not None and column.sparse,
-        first_temperature=reading, temperature_unit=degrees,
+        copies=() if column is None else column.copies, first_temperature=reading, temperature_unit=degrees,
     )  # fmt: skip
 
 
@@ -316,17 +323,19 @@ class TimeColumn:
     def __init__(self, source: RowSource, choice: ColumnChoice, axes: Sequence[str]) -> None:
         self._source, self._columns, self._axes = source, choice.columns, axes
         self.alone, self.rows, self.other, self.unplaced = True, 0, 0, 0
+        self.copies: tuple[tuple[int, int], ...] = ()
         self.values = dict.fromkeys(axes, 0)
 
     @property
     def sparse(self) -> bool:
         """Whether rows were left out."""
-        return bool(self.other or self.unplaced)
+        return bool(self.other or self.unplaced or self.copies)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         time = self._columns["time"]
-        self.values = dict.fromkeys(self._axes, 0)
+        self.values, first = dict.fromkeys(self._axes, 0), 0
         for rows in self._source.chunks(list(self._columns.values())):
+            first, rows = first + rows[time].size, drop(rows, first, self.copies)
             counts = values_of_axes([rows], self._columns, self._axes)
             self.values = {axis: self.values[axis] + count for axis, count in counts.items()}
             if self.alone:
@@ -338,6 +347,15 @@ class TimeColumn:
             self.rows += rows[time].size
             self.other, self.unplaced = self.other + sifted.other, self.unplaced + sifted.unplaced
             yield sifted.rows[time]
+
+    def records(self) -> Iterator[NDArray[Any]]:
+        """Yield all rows as records of the time stamp and the bits of the values, which are equal for NaN too."""
+        for rows in self._source.chunks(list(self._columns.values())):
+            time = rows[self._columns["time"]]
+            columns = [as_floats(rows[self._columns[axis]]).view(np.int64) for axis in self._axes]
+            records = np.empty(time.size, dtype=[("time", time.dtype), ("values", np.int64, (len(columns),))])
+            records["time"], records["values"] = time, np.column_stack(columns)
+            yield records
 
     def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
         """Return `clock` of the time stamps; again with all columns if a row has no time stamp."""

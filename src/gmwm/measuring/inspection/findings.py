@@ -27,7 +27,7 @@ _NOISY = 0.1  # noise density (deg/s/√Hz) at the upper end of low-cost gyrosco
 
 def is_made_again(remark: Remark) -> bool:
     """Return whether `of_time` makes a remark of a reader on the time stamps again."""
-    return remark.code == "stamps-irregular" and remark.facts["case"] != "drift"
+    return remark.code == "stamps-irregular" and remark.facts["case"] not in ("drift", "again")
 
 
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
