@@ -105,6 +105,12 @@ def test_a_recording_without_a_usable_axis_is_an_error():
         gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": np.zeros(1000), "gyro_y": np.zeros(1000)}, 100.0))
 
 
+def test_the_advice_for_an_output_of_one_bit_is_for_the_recording():
+    x = np.arange(4096) % 2 * 0.01  # every level but the first is zero
+    with raises(DataError, "zero at level 2,", advises=["more bits"]):
+        gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": x}, 100.0))
+
+
 def test_a_recording_with_gaps_is_calibrated_from_all_its_segments():
     signal = gmwm.Signal(np.random.default_rng(1).normal(size=1000), 100.0, segments=((0, 400), (400, 1000)))
     calibration = gmwm.calibrate(signal, "WN")

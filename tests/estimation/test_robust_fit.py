@@ -84,7 +84,7 @@ def test_asking_for_what_the_data_are_not():
 
 def test_a_level_that_is_zero_cannot_be_weighed():
     x = np.round(np.random.default_rng(4).normal(0, 0.2, size=5000))
-    with raises(gmwm.errors.DataError, "zero at level 1", advises=["robust=False", "weighting='identity'"]):
+    with raises(gmwm.errors.DataError, "zero at level 1", advises=["robust=False"]):
         gmwm.fit(WN(), x, RATE, robust=True)
     assert gmwm.fit(WN(), x, RATE, robust=True, weighting="identity").parameters["WN.sigma2"] > 0
 

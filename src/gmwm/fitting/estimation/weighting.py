@@ -50,9 +50,9 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
             raise DataError(
                 f"the wavelet variance is zero at level {zero}, because the signal is constant or coarsely quantized: "
                 "diagonal weights do not exist",
-                advice="Use the classical wavelet variance with {--robust=no}, or {--weighting=identity}."
+                advice="Use the classical wavelet variance with {--robust=no}."
                 if wv.robust
-                else "Use {--weighting=identity}, or pass a matrix.",
+                else "Record with more bits or a smaller measurement range, or check the sensor.",
             )
         with np.errstate(over="ignore", divide="ignore", under="ignore"):
             weights = 1 / sampling_variance(wv)

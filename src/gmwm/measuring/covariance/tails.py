@@ -122,7 +122,7 @@ class TailSums:
         the relative standard error of the variance due to tails beyond those seen: half the logarithm of the variance
         with a Pareto tail of the lower limit (Peng 2001, Estimating the mean of a heavy tailed distribution)."""
         largest = -np.sort(-np.concatenate(self._largest[1:]))[: int(LIMITS.tail * self._pairs)]
-        if largest.size < LIMITS.least_in_tail:
+        if largest.size < LIMITS.least_in_tail or largest[-1] == 0:
             return np.inf, 0.0
         number, logs = np.arange(1, largest.size + 1), np.log(largest)
         with np.errstate(divide="ignore"):
