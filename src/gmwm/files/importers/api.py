@@ -92,7 +92,7 @@ def given_noise(source: str | Path, rate: float | None = None) -> Given:
         return _given(axes, _rate(rate, None, text), "datasheet", text)
     try:
         form, content = _recognised(path, part)
-        stated_rate = form.rate(content)
+        stated_rate = content.rate()
         needed = rate if rate is not None else stated_rate
         if form.needs_rate and needed is None:
             raise OptionError(

@@ -60,6 +60,11 @@ class ParameterFile:
             raise ReadError(f"line {entry.line}: {key} has no number")
         return None if entry is None else [_number(cell, entry, unit) for cell in entry.cells]
 
+    def rate(self) -> float | None:
+        """Return the sampling rate (Hz) in the file; None if there is none."""
+        rates = map(self.numbers, ("update_rate", "rate_hz", "IMU.Frequency", "for an IMU at"))
+        return next((numbers[0] for numbers in rates if numbers), None)
+
     def part(self, name: str) -> ParameterFile:
         """Return the entries below a key, such as imu1."""
         entries = tuple(entry for entry in self.entries if name in entry.above)
@@ -89,7 +94,8 @@ def parse(text: str, path: Path) -> ParameterFile:
             raise ReadError(f"{where}not valid YAML: {getattr(error, 'problem', None) or error}") from error
         root = None
     entries = tuple(_of_node(root, (), set())) if root is not None and root.id == "mapping" else ()
-    return ParameterFile(entries or tuple(_of_lines(text)))
+    rates = re.findall(rf"(?m)^\s*# (for an IMU at) ({NUMBER}) Hz$", text)  # which gmwm writes for VINS and FAST-LIO
+    return ParameterFile((*(entries or _of_lines(text)), *(KeyLine(key, (), 0, (rate,)) for key, rate in rates)))
 
 
 def _of_node(node: Any, above: tuple[str, ...], visited: set[int]) -> Iterator[KeyLine]:
@@ -240,7 +246,6 @@ class Format:
     # Returns each axis's values from the text and the rate (Hz), or None if neither file nor user states it
     read: Reader
     names: Mapping[Quantity, Mapping[str, str]]  # the key in the file for each number of `Values`
-    rate_key: str = ""  # key of the sampling rate (Hz); "" if the file has none
     needs_rate: bool = False  # whether the numbers depend on the sampling rate
     one: bool = True  # whether a file has each key once
     density: bool = False  # whether the numbers are N and K in SI units. They may then be written with another unit
@@ -258,11 +263,6 @@ class Format:
             value = None if not values else values["xyz".index(axis[-1])] if len(values) == 3 else values[0]
             entries[symbol] = (key, value)
         return entries
-
-    def rate(self, document: ParameterFile) -> float | None:
-        """Return the sampling rate in a file, if there is one."""
-        numbers = document.numbers(self.rate_key) if self.rate_key else None
-        return numbers[0] if numbers else None
 
 
 def _require_numbers(document: ParameterFile, key: str, unit: str = "") -> list[float]:
@@ -378,15 +378,14 @@ def _matlab(document: ParameterFile, rate: float | None) -> Found:
 
 def _format(
     name: str, keys: tuple[str, str, str, str], change: Callable[[float, float | None], float],
-    *, rate_key: str = "", needs_rate: bool = False,
+    *, needs_rate: bool = False,
 ) -> Format:  # fmt: skip
     """Return a format with keys for N and K of gyroscopes, and for N and K of accelerometers."""
     gyro_n, gyro_k, accel_n, accel_k = keys
     pairs: dict[Quantity, tuple[str, str]] = {"gyro": (gyro_n, gyro_k), "accel": (accel_n, accel_k)}
     names: dict[Quantity, dict[str, str]] = {q: {"N": white, "K": walk} for q, (white, walk) in pairs.items()}
     return Format(
-        name, (gyro_n, accel_n), _two(pairs, change), names=names, rate_key=rate_key, needs_rate=needs_rate,
-        density=change is _density,
+        name, (gyro_n, accel_n), _two(pairs, change), names=names, needs_rate=needs_rate, density=change is _density,
     )  # fmt: skip
 
 
@@ -395,9 +394,8 @@ _KALIBR = ("gyroscope_noise_density", "gyroscope_random_walk", "accelerometer_no
 FORMATS = (
     Format("imu_utils", ("avg-axis",), _imu_utils, needs_rate=True,
            names={"gyro": {"N": "gyr_n", "B": "gyr_w"}, "accel": {"N": "acc_n", "B": "acc_w"}}, one=False),
-    _format("Kalibr, allan_variance_ros, OpenVINS or Kimera", _KALIBR, _density, rate_key="update_rate"),
-    _format("ORB-SLAM3", ("IMU.NoiseGyro", "IMU.GyroWalk", "IMU.NoiseAcc", "IMU.AccWalk"), _density,
-            rate_key="IMU.Frequency"),
+    _format("Kalibr, allan_variance_ros, OpenVINS or Kimera", _KALIBR, _density),
+    _format("ORB-SLAM3", ("IMU.NoiseGyro", "IMU.GyroWalk", "IMU.NoiseAcc", "IMU.AccWalk"), _density),
     _format("VINS", ("gyr_n", "gyr_w", "acc_n", "acc_w"), _per_step, needs_rate=True),
     _format("LIO-SAM", ("imuGyrNoise", "imuGyrBiasN", "imuAccNoise", "imuAccBiasN"), _density),
     _format("FAST-LIO", ("gyr_cov", "b_gyr_cov", "acc_cov", "b_acc_cov"),
