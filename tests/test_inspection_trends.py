@@ -110,7 +110,8 @@ def test_the_remark_has_the_axis_the_duration_and_what_to_leave_out():
     start = remark.facts["first"].value
     assert start >= found.trends[0].until
     assert f"start={start:g}" in remark.text()
-    assert "warm-up of gyro_x over the first 1" in found.summary()
+    assert "settling of gyro_x over the first 1" in found.summary()
+    assert max(map(len, found.summary().splitlines())) <= 80
     assert found.to_dict()["trends"][0]["axis"] == "gyro_x"
     # Leaving out this beginning is enough.
     kept = made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)).between(start)

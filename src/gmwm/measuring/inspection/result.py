@@ -191,10 +191,10 @@ def text(inspection: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bo
         lines.append(f"swing of {swing.axis} with a period of {duration_text(swing.period)} and an amplitude of {size}")
     groups = with_groups(inspection.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST_REMARKS + 1 else groups[:MOST_REMARKS]
-    lines += [line for group, sentence in shown for line in wrap_text(f"{group[0].severity.label}: {sentence}")]
+    lines += [f"{group[0].severity.label}: {sentence}" for group, sentence in shown]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
-    return with_minus("\n".join(lines))
+    return with_minus("\n".join(part for line in lines for part in wrap_text(line)))
 
 
 def _size(size: float, si: str, spec: str = "g") -> str:
@@ -210,4 +210,4 @@ def _trend_line(trend: Trend, unit: str) -> str:
     size = f"{_size(trend.size, unit, '+g')} at first, time constant {duration_text(trend.tau)}"
     if trend.until is None:
         return f"exponential trend of {trend.axis} ({size})"
-    return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"
+    return f"settling of {trend.axis} over the first {duration_text(trend.until)} ({size})"
