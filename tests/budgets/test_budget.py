@@ -260,6 +260,8 @@ def test_a_fit_and_a_calibration_have_budgets(fits):
     assert "After 60 s" in text
     assert "95 % interval" in text
     assert "gyro_x GM" in text
+    for shown in (text, budget(fits, 36e3).summary(), found.compare(found, ("the unit of Monday", "the other unit"))):
+        assert max(map(len, shown.splitlines())) <= 80
 
 
 def test_documents_frames_and_comparisons(fits):

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from gmwm.base.documents import Documented, plain
 from gmwm.base.remarks import Dialect, Remark, sorted_remarks, texts
 from gmwm.base.results import Difference, DifferenceTests
-from gmwm.base.text import TEXT_WIDTH, Named, round_text, wrap_text
+from gmwm.base.text import Named, round_text, wrap_text
 from gmwm.calibration.number_verdicts import Usability
-from gmwm.calibration.tables import fitting_tables, key, number
+from gmwm.calibration.tables import fitting_tables, key, number, short_heads
 from gmwm.choosing.datasheets import Entry
 from gmwm.files.importers.values import Reference
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -28,7 +28,7 @@ DO_NOT_USE = Usability.DO_NOT_USE.value
 
 def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
     """Return the verdict, a table for each axis, the remarks and the reference values as text of at most 80 columns."""
-    heads, names = _heads(found)
+    heads, names = short_heads(found.labels)
     parts = [[*wrap_text(found.verdict.text(dialect)), *names]]
     parts += [
         [axis, *fitting_tables(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models
@@ -44,14 +44,6 @@ def summary(found: Agreement, dialect: Dialect = Dialect.PYTHON) -> str:
         table = fitting_tables(heads, lambda *part: _beside(found, referred, *part))
         parts.append(["Measured / reference:", *table, *wrap_text(_about_reference(referred))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
-
-
-def _heads(found: Agreement) -> tuple[list[str], list[str]]:
-    """Return column headings and their explanation; names of recordings too long for a table become numbers."""
-    if sum(len(label) + 2 for label in found.labels) <= TEXT_WIDTH - 24:
-        return list(found.labels), []
-    numbers = [f"({k})" for k in range(1, len(found.labels) + 1)]
-    return numbers, [line for k, label in zip(numbers, found.labels, strict=True) for line in wrap_text(f"{k} {label}")]
 
 
 def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> list[list[str]]:

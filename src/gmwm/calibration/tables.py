@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule, with_minus
+from gmwm.base.text import TEXT_WIDTH, round_text, table_with_rule, with_minus, wrap_text
 from gmwm.calibration.number_verdicts import NumberVerdict
 from gmwm.fitting.inference.planning import CERTAIN_ERROR
 from gmwm.measuring.variance.allan_regression import LAWS
@@ -102,3 +102,11 @@ def fitting_tables(
         if max(map(len, lines)) <= TEXT_WIDTH:
             break
     return lines
+
+
+def short_heads(labels: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return column headings and their explanation; labels that are too long for a table become numbers."""
+    if sum(len(label) + 2 for label in labels) <= TEXT_WIDTH - 24:
+        return list(labels), []
+    numbers = [f"({k})" for k in range(1, len(labels) + 1)]
+    return numbers, [line for k, label in zip(numbers, labels, strict=True) for line in wrap_text(f"{k} {label}")]

@@ -11,7 +11,7 @@ import gmwm
 from gmwm.base.errors import OptionError
 from gmwm.cli.command import command
 from gmwm.cli.options import View, picture_units, unit_system
-from gmwm.cli.output import Outcome, calibration_file, over_axes, plot_file, table_text, tell
+from gmwm.cli.output import Outcome, calibration_file, over_axes, plot_file, tell
 from gmwm.cli.read_options import chosen_axes, load
 from gmwm.recording.options import ReadOptions
 
@@ -117,17 +117,24 @@ def _draw(
 
 def _curves_text(curves: Mapping[str, Mapping[str, gmwm.WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """Format a table for each axis, with a column for each curve."""
+    from gmwm.calibration.tables import fitting_tables, short_heads
     from gmwm.showing.plots.labels import view_of
 
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
-    tables = []
+    labels = list(dict.fromkeys(label for group in curves.values() for label in group))
+    heads, legend = short_heads(labels)
+    tables = [legend] if legend else []
     for axis, group in curves.items():
         shown = view_of(next(iter(group.values())).unit, view, system)
         columns: list[dict[float, str]] = []
         for wv in group.values():
             heights = shown.height(wv.variance)
             columns.append({t: f"{h:{style}}" for t, h in zip(shown.time(wv.tau).tolist(), heights, strict=True)})
-        times = sorted(set().union(*columns))
-        rows = [[f"{t:.6g}", *(column.get(t, "") for column in columns)] for t in times]
-        tables.append(table_text(["τ (s)", *group], rows, title=f"{axis}: {shown.height_label}", texts=0))
-    return "\n\n".join(tables)
+
+        def rows(names: Sequence[str], part: range, columns: list[dict[float, str]] = columns) -> list[list[str]]:
+            times = sorted(set().union(*columns))
+            return [["τ (s)", *names], *([f"{t:.6g}", *(columns[k].get(t, "") for k in part)] for t in times)]
+
+        names = [heads[labels.index(label)] for label in group]
+        tables.append([f"{axis}: {shown.height_label}", *fitting_tables(names, rows, most=4)])
+    return "\n\n".join("\n".join(lines) for lines in tables)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +16,8 @@ from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.results import Plotted, Tabular, register
-from gmwm.base.text import Summarised, align, duration_text, round_text
+from gmwm.base.text import Summarised, align, duration_text, round_text, table_with_rule, wrap_text
+from gmwm.calibration.tables import fitting_tables
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -175,14 +178,14 @@ def summary(budget: Budget, dialect: Dialect) -> str:
     interval = "" if all(growth.certain for growth in growths) else f", {100 * budget.level:g} % interval"
     rows = [("error (1 σ)", f"after {duration_text(budget.duration)}{interval}", "largest contributions")]
     rows += [(growth.title, error_text(growth), terms_text(growth)) for growth in growths]
-    lines = [headline(budget), start(budget), "", *_table(rows)]
+    lines = [*wrap_text(headline(budget)), *wrap_text(start(budget)), "", *_table(rows, (17, 28, 29))]
     if len(budget.times) > 1:
         lines += ["", "Growth, largest of the horizontal directions", *_growth(budget)]
     if budget.alignment:
-        title = f"Static alignment: error of a mean, gyro-compassing at {budget.latitude:g}° latitude"
-        lines += ["", title, *_alignment(budget)]
-    lines += ["", *method(budget)]
-    return "\n".join([*lines, *texts(budget.remarks, dialect)])
+        title = f"Static alignment: error of a mean (deg), gyro-compassing at {budget.latitude:g}° latitude"
+        lines += ["", *wrap_text(title), *_alignment(budget)]
+    lines += ["", *(part for line in method(budget) for part in wrap_text(line))]
+    return "\n".join([*lines, *(part for line in texts(budget.remarks, dialect) for part in wrap_text(line))])
 
 
 def headline(budget: Budget) -> str:
@@ -239,10 +242,14 @@ def merged_terms(growth: Growth) -> dict[str, Vector]:
 
 
 def terms_text(one: Growth) -> str:
-    """Format the largest contributions to an error at the last time, as in "gyro_x RW 0.25, gyro_x WN 0.10"."""
+    """Format the largest contributions to an error at the last time, as in "gyro_x RW 0.25, WN 0.1, gyro_y WN 0.02"."""
     parts = sorted(((float(values[-1]), label) for label, values in merged_terms(one).items()), reverse=True)
-    named = [(value, label) for value, label in parts if value > 0.05 * float(one.error[-1])]
-    return ", ".join(f"{label} {round_text(value, 2)}" for value, label in named[:3])
+    named, last = list[str](), ""
+    for value, label in [part for part in parts if part[0] > 0.05 * float(one.error[-1])][:3]:
+        axis, _, term = label.partition(" ")
+        named.append(f"{term if axis == last else label} {round_text(value, 2)}")
+        last = axis
+    return ", ".join(named)
 
 
 def _growth(budget: Budget) -> list[str]:
@@ -250,14 +257,19 @@ def _growth(budget: Budget) -> list[str]:
     rows: list[Sequence[str]] = [("time", *(f"{kind} ({growth.unit})" for kind, growth in kinds.items()))]
     for time in shown_times(budget):
         rows.append((duration_text(time), *(number_text(growth, time) for growth in kinds.values())))
-    return _table(rows, right=range(1, len(rows[0])))
+    return table_with_rule(rows)
 
 
 def _alignment(budget: Budget) -> list[str]:
-    rows: list[Sequence[str]] = [("averaging", *(f"{growth.title} (deg)" for growth in budget.alignment.values()))]
-    for time in shown_times(budget):
-        rows.append((duration_text(time), *(number_text(g, time, RIGHT_ANGLE) for g in budget.alignment.values())))
-    return _table(rows, right=range(1, len(rows[0])))
+    times = shown_times(budget)
+
+    def rows(heads: Sequence[str], part: range) -> list[list[str]]:
+        growths = budget.alignment.values()
+        return [["mean over", *heads]] + [
+            [growth.title, *(number_text(growth, times[k], RIGHT_ANGLE) for k in part)] for growth in growths
+        ]
+
+    return fitting_tables([duration_text(time) for time in times], rows)
 
 
 def shown_times(budget: Budget) -> list[float]:
@@ -277,28 +289,27 @@ def method(budget: Budget) -> list[str]:
 
 def comparison(one: Budget, other: Budget, labels: tuple[str, str] = ("this", "other")) -> str:
     """Return the text of `Budget.compare`."""
-    rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
-    for row in comparison_rows(one, other):
-        rows.append((row[0], row[1], row[2], f"{row[3]:.2f}"))
-    title = f"After {duration_text(one.duration)} of navigation without corrections"
-    return "\n".join([title, *_table(rows)])
-
-
-def comparison_rows(one: Budget, other: Budget) -> list[tuple[str, str, str, float]]:
-    """Return the title of each error that both budgets have, its two values as text, and the ratio of these."""
     for name in ("duration", "rest", "latitude"):
         if getattr(one, name) != getattr(other, name):
             raise OptionError(argument="other", expected=f"a budget with the same {name}", got=getattr(other, name))
-    shared = [name for name in one if name in set(other)]
-    if not shared:
-        raise OptionError(argument="other", expected=f"a budget of {', '.join(one)}", got=", ".join(other))
-    rows = []
-    for name in shared:
+    rows: list[Sequence[str]] = [("error (1 σ)", *labels, "ratio")]
+    for name in (name for name in one if name in set(other)):
         ratio = float(other[name].stated[-1]) / float(one[name].stated[-1]) if one[name].stated[-1] > 0 else np.inf
-        rows.append((one[name].title, error_text(one[name]), error_text(other[name]), ratio))
-    return rows
+        rows.append((one[name].title, error_text(one[name]), error_text(other[name]), f"{ratio:.2f}"))
+    if len(rows) == 1:
+        raise OptionError(argument="other", expected=f"a budget of {', '.join(one)}", got=", ".join(other))
+    title = f"After {duration_text(one.duration)} of navigation without corrections"
+    return "\n".join([title, *_table(rows, (17, 25, 25, 8))])
 
 
-def _table(rows: Sequence[Sequence[str]], right: Iterable[int] = ()) -> list[str]:
-    head, *lines = align(rows, right=set(right))
-    return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]
+def _table(rows: Sequence[Sequence[str]], widths: Sequence[int]) -> list[str]:
+    """Format a table. Cells wider than their column continue below, broken before brackets and after commas."""
+    blank = "\N{NO-BREAK SPACE}"
+    folded: list[list[Sequence[str]]] = []
+    for name, *cells in rows:
+        texts = [cell.replace(" ", blank).replace(f",{blank}", ", ").replace(f"{blank}(", " (") for cell in cells]
+        parts = (textwrap.wrap(text, width) for text, width in zip((name, *texts), widths, strict=True))
+        folded.append([[part.replace(blank, " ") for part in row] for row in zip_longest(*parts, fillvalue="")])
+    lines = align([line for row in folded for line in row])
+    lines.insert(len(folded[0]), "  " + "─" * (max(map(len, lines)) - 2))
+    return lines
