@@ -106,6 +106,8 @@ def test_harmonics_are_grouped():
     x += sum(line(0.3 / k, k * 3.21, n, rng) for k in (1, 2, 3, 5))
     found = psd(x, RATE).lines
     assert [one.harmonic for one in found] == [1, 2, 3, 5, None]
+    first = f"{found[0].frequency:.5g} Hz"
+    assert [one.multiple for one in found] == [first, *(f"{k} × {first}" for k in (2, 3, 5)), ""]
     assert all(one.fundamental == found[0].frequency for one in found[:4])
     assert found[4].fundamental is None
 

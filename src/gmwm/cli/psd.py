@@ -97,8 +97,7 @@ def _text(found: PowerSpectra, si: bool) -> str:
             axis, f"{line.frequency:.6g}", f"{line.frequency_error:.1g}",
             f"{units[axis][1] * line.amplitude:.3g} {units[axis][0]}",
             f"{units[axis][1] * line.amplitude_error:.1g}", "narrow" if line.narrow else f"{line.width:.2g}",
-            round_text(line.height, 3),
-            "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
+            round_text(line.height, 3), line.multiple,
         ]
         for axis, spectrum in found.items()
         for line in spectrum.lines

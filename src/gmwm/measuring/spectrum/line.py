@@ -57,10 +57,16 @@ class Line:
         """Whether the width of the line is too small to be measured."""
         return self.width == 0
 
+    @property
+    def multiple(self) -> str:
+        """The harmonic as text, such as "3 × 0.56514 Hz", the fundamental as "0.56514 Hz", and "" for other lines."""
+        times = "" if self.harmonic == 1 else f"{self.harmonic} × "
+        return "" if self.harmonic is None else f"{times}{self.fundamental:.5g} Hz"
+
     def described(self, unit: str = "u") -> str:
         """Format the frequency and the amplitude (in `unit`) with their standard errors, the width and the harmonic."""
         width = "" if self.narrow else f", width {self.width:.3g} Hz"
-        number = "" if self.harmonic is None else f", {self.harmonic} × {self.fundamental:.6g} Hz"
+        number = f", {self.multiple}" if self.multiple and self.harmonic != 1 else ""
         return (
             f"{self.frequency:.6g} ± {self.frequency_error:.2g} Hz, amplitude {self.amplitude:.3g} ± "
             f"{self.amplitude_error:.1g} {unit}{width}{number}"

@@ -47,7 +47,7 @@ def spectrum_tables(spectrum: PowerSpectrum | None) -> dict[str, Rows]:
             f"{line.frequency:.5g}", f"{significant(line.frequency_error, 1)}", significant(factor * line.amplitude, 3),
             significant(factor * line.amplitude_error, 1),
             "below the resolution" if line.narrow else significant(line.width, 2), significant(line.height, 3),
-            "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
+            line.multiple,
         ]
         for line in spectrum.lines
     ]  # fmt: skip
