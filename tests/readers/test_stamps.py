@@ -456,3 +456,26 @@ def test_in_parquet_as_text_and_as_dates(tmp_path):
     pl.DataFrame({"time": [cell[11:23] for cell in cells], **axes}).write_parquet(path)
     with raises(ReadError, "'time'", "String", code="column-not-numbers"):
         read(path)
+
+
+@pytest.mark.parametrize("name", ["dt", "time_step [s]", "sampling_period", "deltaTime_us"])
+def test_times_between_rows_are_added_up(tmp_path, name):
+    steps = np.where(np.arange(1200) == 700, 0.03, 0.01) * (1_000_000 if name.endswith("us") else 1)
+    steps += 0.02 * steps * np.random.default_rng(3).choice((-1, 1), size=1200)  # jitter of 2 %
+    steps[0] = 0
+    path = saved(tmp_path, [f"{step:.7g}" for step in steps], name=name)
+    imu, chunks = read(path), list(stream(path, chunk=100))
+    assert imu.rate == pytest.approx(100, rel=1e-3)
+    assert [round(seconds * 100) for _, seconds in imu.time_base.gaps] == [3]
+    assert np.array_equal(np.concatenate([chunk.values["gyro_x"] for chunk in chunks]), imu["gyro_x"].values)
+    assert {"case": "read", "form": "intervals", "columns": (name,)} in [remark.facts for remark in imu.remarks]
+
+
+def test_other_numbers_are_no_times_between_rows(tmp_path):
+    clock = [f"{0.01 * k:.2f}" for k in range(1200)]
+    assert read(saved(tmp_path, clock, name="time_step")).rate == 100
+    wild = [f"{step:.4f}" for step in np.random.default_rng(1).exponential(0.01, 1200)]
+    for steps in (wild, ["-0.01"] * 1200, ["on"] * 1200):
+        with raises(ReadError, "no time column"):
+            read(saved(tmp_path, steps, name="dt"))
+    assert read(saved(tmp_path, ["0.01"] * 1200, name="dt"), rate=50.0).rate == 50  # the rate of the user counts

@@ -262,6 +262,19 @@ def require_countable(values: NDArray[Any]) -> None:
     )
 
 
+def are_intervals(values: NDArray[Any]) -> bool:
+    """Return whether numbers can be the times between rows: nearly equal, positive, and no clock, which increases.
+
+    >>> are_intervals(np.array([0, 5, 5, 6, 5])), are_intervals(np.array([1700.0, 1700.1, 1700.2]))
+    (True, False)
+    """
+    later = values[1:].astype(np.float64)  # the first row may have no row before it
+    if later.size < 2 or not np.all(later > 0):
+        return False
+    near = np.abs(later / np.median(later) - 1) <= 0.5
+    return bool(np.mean(near) >= 0.9 and (np.all(later == later[0]) or np.any(np.diff(later) < 0)))
+
+
 def calendar_unit(values: NDArray[Any]) -> str:
     """Return the unit of time stamps that count from the first day of a calendar; "" if they do not.
 

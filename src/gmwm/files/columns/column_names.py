@@ -161,6 +161,16 @@ def bare_words(name: str) -> list[str]:
     return words
 
 
+def is_interval(name: str) -> bool:
+    """Return whether a name is that of the time since the row before.
+
+    >>> is_interval("dt [ms]"), is_interval("deltaTime_us"), is_interval("time")
+    (True, True, False)
+    """
+    pattern = r"(?:imu_?)?(?:dt|δt|delta_?t(?:ime)?|time_?(?:delta|step|diff)|(?:sampl(?:e|ing))?_?(?:period|interval))"
+    return re.fullmatch(pattern, "_".join(bare_words(name))) is not None
+
+
 def mentioned_sensor(name: str) -> tuple[str, str]:
     """Return the sensor and the direction that a column name mentions, whether or not it is a name of an axis.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm.base.arrays import as_whole_number
 from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.remarks import Remark
 from gmwm.base.units import AXES, POSITIONS, SI_UNIT, axis_quantity
 from gmwm.files.clock.clock import rows_between
 from gmwm.files.columns.axis_units import time_unit
@@ -235,9 +236,18 @@ class _OpenFile:
             file, reader = found_reader(path, SeriesReader.name)
         layout = one_layout(reader, file, options.topic)
         choice = choose(layout, options.columns, file)
-        require_time(layout, choice, options.rate, file)
-        layout = replace(layout, skip_bad_lines=options.bad_lines == "skip", stamped="time" in choice.columns)
+        layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
         origin = FileRows(file, reader, layout, topic=options.topic)
+        if options.rate is None:
+            origin = origin.with_intervals(choice, options.columns)
+        if (time := origin.intervals) is not None:
+            if "time" not in choice.columns:
+                choice = choose(layout, {**dict(options.columns or {}), "time": time}, file)
+            remark = Remark.of("time-read", case="read", form="intervals", columns=(layout.channels[time].name,))
+            choice = replace(choice, remarks=(*choice.remarks, remark))
+        require_time(layout, choice, options.rate, file)
+        layout = replace(layout, stamped="time" in choice.columns)
+        origin = replace(origin, layout=layout)
         rows = origin.hold(choice) if in_memory else origin
 
         def open_rows(rows: FileRows | HeldRows, begin: float = 0.0) -> _OpenFile:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.files.clock.missing_values import CUT, as_floats
+from gmwm.files.clock.missing_values import CUT, as_floats, is_missing
+from gmwm.files.clock.time_stamps import are_intervals
+from gmwm.files.columns.column_names import is_interval
 from gmwm.files.columns.columns import ColumnChoice
 from gmwm.files.contract import Layout, Reader, Rows
 from gmwm.files.readers import interpretation
@@ -19,6 +22,7 @@ from gmwm.files.readers.builder import RowSummary, SampleBuilder
 from gmwm.files.readers.interpretation import Interpretation, RowSource, of_file, warn
 from gmwm.files.readers.topics import SeveralFiles, files_of, reopen, source_words
 from gmwm.recording.chunks import Chunk, Samples
+from gmwm.recording.options import Columns
 from gmwm.recording.time_ranges import Trimmer, range_texts
 
 if TYPE_CHECKING:
@@ -64,11 +68,26 @@ class FileRows:
     topic: str | None  # name of the recording that the user chose; None if none was chosen
     # number of the first row, and of the row after the last one; None for all rows
     limits: tuple[int, int] | None = None
+    intervals: int | None = None  # column with the times between rows, which are added up to time stamps
 
     def chunks(self, wanted: Sequence[int]) -> Iterator[Rows]:
         """Iterate over the rows of the wanted columns."""
         chunks = without_float_warnings(self.reader.chunks(self.path, self.layout, wanted))
-        return chunks if self.limits is None else _between(chunks, *self.limits)
+        chunks = chunks if self.limits is None else _between(chunks, *self.limits)
+        return _add_up(chunks, self.intervals) if self.intervals in wanted else chunks
+
+    def with_intervals(self, choice: ColumnChoice, columns: Columns | None) -> FileRows:
+        """Return it with the column of the times between rows, if its name and its numbers make it the only clock."""
+        named = [k for k, channel in enumerate(self.layout.channels) if is_interval(channel.name)]
+        time = choice.columns.get("time")
+        free = columns is None or (isinstance(columns, Mapping) and "time" not in columns)
+        if len(named) != 1 or self.layout.rate is not None or (time not in named and not (time is None and free)):
+            return self
+        try:
+            rows = first_rows(self.chunks(named), ColumnChoice({"time": named[0]}))[named[0]]
+        except ReadError:  # no numbers
+            return self
+        return replace(self, intervals=named[0]) if are_intervals(rows) else self
 
     def first(self, choice: ColumnChoice) -> Rows:
         """Return at least `HEAD_ROWS` rows of each column, or all rows of a shorter recording."""
@@ -124,6 +143,17 @@ def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
         if count >= interpretation.HEAD_ROWS:
             break
     return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
+
+
+def _add_up(chunks: Iterator[Rows], column: int | None) -> Iterator[Rows]:
+    """Yield the chunks with the sum of a column up to each row; missing values stay."""
+    total: Any = 0
+    for rows in chunks:
+        if column is not None:
+            missing = is_missing(rows[column])
+            sums = total + np.cumsum(rows[column] if missing is None else np.where(missing, 0, rows[column]))
+            total = sums[-1] if sums.size else total
+            yield {**rows, column: sums if missing is None else np.where(missing, rows[column], sums)}
 
 
 def _between(chunks: Iterator[Rows], begin: int, end: int) -> Iterator[Rows]:
