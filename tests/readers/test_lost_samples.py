@@ -342,3 +342,28 @@ def test_rows_that_look_like_earlier_ones_are_no_copies(tmp_path):
             imu = read(saved(tmp_path, lines))
         assert "stamps-irregular:again" not in codes(imu.remarks)
         assert imu["gyro_x"].values.size == len(lines)
+
+
+@pytest.mark.parametrize("word", ["-nan(ind)", "nan(ind)", "1.#QNAN", "-1.#IND00"])
+def test_the_words_of_c_for_no_number_are_missing_values(tmp_path, word):
+    lines = [line if k != 700 else f"7.00,{word},{word}\n" for k, line in enumerate(LINES)]
+    imu = read(saved(tmp_path, lines))
+    assert imu["gyro_x"].values.size == ROWS - 1
+    assert [row for row, _ in imu.time_base.gaps] == [700]
+
+
+def test_signs_of_typeset_numbers_are_read(tmp_path):
+    expected = read(saved(tmp_path, LINES))["gyro_x"].values
+    assert np.array_equal(read(saved(tmp_path, [line.replace("-", "−") for line in LINES]))["gyro_x"].values, expected)
+
+
+def test_files_with_byte_order_marks_can_be_joined(tmp_path, small_blocks):
+    path = saved(tmp_path, [*LINES[:3000], "\ufeff" + HEADER, *LINES[3000:]], header="\ufeff" + HEADER)
+    assert read(path)["gyro_x"].values.size == ROWS
+    rows = stream(path)._rows
+    assert rows.reader.marks(rows.path, rows.layout)[-1].row == ROWS
+
+
+def test_zero_bytes_after_a_loss_of_power_are_told(tmp_path):
+    with raises(ReadError, "line 6002", "4096 zero bytes", advises=["tr -d"]):
+        read(saved(tmp_path, [*LINES, "\0" * 4096]))

@@ -278,9 +278,9 @@ class _CountingStream(io.RawIOBase):
         try:
             data = self._stream.read(len(view))
         except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
-            where = f"after {self._count} unpacked bytes" if self._count else "at its beginning"
+            where = f" after {self._count} unpacked bytes" if self._count else ""
             raise PackedError(
-                f"{self._name} is damaged or truncated {where} ({error})", code="damaged", advice="Copy the file again."
+                f"{self._name} is damaged or truncated{where} ({error})", code="damaged", advice="Copy the file again."
             ) from error
         view[: len(data)] = data
         self._count += len(data)

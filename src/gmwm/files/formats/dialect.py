@@ -17,6 +17,7 @@ from gmwm.files.clock.text_stamps import is_stamp, parted_stamp
 from gmwm.files.columns.column_names import clean, is_unit, recognise, unit_of
 from gmwm.files.formats.line_forms import (
     COLOURS,
+    MINUS,
     WITHOUT_GROUPS,
     WITHOUT_POINTS,
     LineForms,
@@ -35,8 +36,11 @@ BLANKS = " "  # delimiter that stands for any number of blanks and tabs
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
-MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
-"""Words that programs write instead of a missing number, besides NaN and an empty cell."""
+MISSING_WORDS = (
+    "NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>",
+    *(f"{sign}{word}" for sign in ("", "-") for word in ("nan(ind)", "1.#IND", "1.#IND00", "1.#QNAN", "1.#QNAN0")),
+)  # fmt: skip
+"""Words that programs write instead of a missing number, besides NaN and an empty cell; the last are those of C."""
 
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\]()\[]*[\])])?|\([^()]*\)|\[[^\]\[]*\]")
 
@@ -96,9 +100,9 @@ def comment_sign(line: str) -> str:
 
 def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str, ...] = ()) -> TextDialect:
     """Detect the dialect from the first lines, with known `commas` and with `names` that are not in the lines."""
-    colours = (COLOURS,) if any("\x1b[" in line for line in lines) else ()
-    if colours:
-        lines = [re.sub(COLOURS[0].decode(), "", line) for line in lines]
+    odd = tuple(pair for sign, pair in (("\x1b[", COLOURS), ("−", MINUS)) if any(sign in line for line in lines))
+    for pattern, text in odd:
+        lines = [re.sub(pattern.decode(), text.decode(), line) for line in lines]
     lines = plain_header(lines)
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
@@ -108,7 +112,7 @@ def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str
             advice="Check whether the recording was interrupted.",
         )
     forms = LineForms(names=names) if names else line_forms([line for _, line in body])
-    cleaning = (*colours, *forms.replacements)
+    cleaning = (*odd, *forms.replacements)
     body = [(k, text) for k, line in body if (text := forms.rewritten(line)).strip()]
     delimiter, decimal_comma = _delimiter([line for _, line in body], commas)
     grouped = WITHOUT_POINTS if decimal_comma else None

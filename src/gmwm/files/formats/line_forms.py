@@ -33,6 +33,7 @@ _ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
 _WEEK_SECONDS = r"(?<![\d:.])\d{3,4}:(?=\d{1,6}(?:\.\d*)?(?![\d:]))"
 WEEK = (_WEEK_SECONDS.encode(), b"")  # replacement that removes the week from time stamps such as 2190:345600.005
 COLOURS = (rb"\x1b\[[\d;]*m", b"")  # replacement that removes the colours that loggers write for terminals
+MINUS = ("−(?=[\\d.])".encode(), b"-")  # replacement of the sign of typeset numbers
 
 _TAG = re.compile(r"[$#]?[A-Za-z]\w*[,;\t ]")
 _DIGITS = re.compile(r"^([01]\d|2[0-3])([0-5]\d)([0-5]\d)(\.\d{2,})(?=[,;\t])")  # hhmmss.ss, as in NMEA sentences

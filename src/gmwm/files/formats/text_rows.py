@@ -6,6 +6,7 @@ numbers of cells, or text, are bad lines: an error or missing values. Repeated h
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.base.errors import ReadError
+from gmwm.base.text import counted
 from gmwm.base.threads import require_threads
 from gmwm.files.clock.missing_values import MISSING
 from gmwm.files.clock.text_stamps import Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
@@ -33,7 +35,7 @@ _BLANK_RUN = re.compile(rb"\n[ \t\r\f\v\n]*\n")
 _BLANK_BEGIN = re.compile(rb"\A[ \t\r\f\v\n]*\n")
 _GAP = b"NA"  # text in each cell of a row that replaces a bad line
 _POINT = re.compile(rb"\d\.\d{3}(?!\d)")
-_WORDS = re.compile(rb"(?i)n/?a\b|null|none")
+_WORDS = re.compile(rb"(?i)n/?a\b|null|none|nan\(|#(?:ind|qnan)")
 OR_SKIP = " To count such lines as lost samples, pass {--bad_lines=skip}."
 
 
@@ -119,12 +121,16 @@ class RowParser:
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
         has_header = any(header in block for header in self.headers)
-        again = sum(line.strip() in self.headers for line in block.splitlines()) if has_header else 0
+        again = sum(map(self._is_header, block.splitlines())) if has_header else 0
         begin = _BLANK_BEGIN.match(block)
         blank = sum(run[0].count(b"\n") - 1 for run in _BLANK_RUN.finditer(block, begin.end() if begin else 0))
         blank += begin[0].count(b"\n") if begin else 0
         ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
         return block.count(b"\n") - blank + (not ended) - again
+
+    def _is_header(self, line: bytes) -> bool:
+        """Return whether a line repeats the header, also with a byte order mark, as where files were joined."""
+        return line.strip().removeprefix(BOM_UTF8) in self.headers
 
     def _cleaned(self, block: bytes) -> bytes:
         for pattern, replacement in self.cleaning:
@@ -200,7 +206,7 @@ class RowParser:
                 continue
             raw = raw.removesuffix(b"\n")
             text = as_text(raw)
-            if text.strip().encode() in self.headers:
+            if self._is_header(text.encode()):
                 continue
             row = bool(text.strip()) and comment_sign(text) != self.comment
             error = self._error_in(text, number, block, line) if row else None
@@ -221,6 +227,11 @@ class RowParser:
     def _error_in(self, text: str, number: int, block: bytes, line: int) -> ReadError | None:
         """Return the error for a line of a block that begins in `line`; None if the line is a valid row."""
         d = self.dialect
+        if zeros := text.count("\0"):
+            return ReadError(
+                f"{self.source}, line {number} holds {counted(zeros, 'zero byte')}, as after a loss of power",
+                code="row-invalid", advice="Delete them (tr -d '\\000')." + OR_SKIP,
+            )  # fmt: skip
         cells = split_line(text, d.delimiter)
         if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
             return ReadError(
@@ -235,7 +246,7 @@ class RowParser:
         """Yield the rows of a block that begins in `line`, each with its line number."""
         for number, raw in enumerate(BytesIO(block), line):
             text = as_text(raw.removesuffix(b"\n"))
-            if text.strip().encode() in self.headers:
+            if self._is_header(text.encode()):
                 continue
             if text.strip() and comment_sign(text) != self.comment:
                 yield number, text
