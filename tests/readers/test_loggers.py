@@ -383,3 +383,14 @@ def test_a_result_of_gmwm_is_no_recording(tmp_path):
     path.write_text('{\n "format": "gmwm-calibration",\n "version": 2\n}\n', encoding="utf-8")
     with raises(ReadError, "a result of gmwm", advises=["recording"]):
         gmwm.read(path)
+
+
+def test_the_nan_of_python_in_json_is_a_missing_value(tmp_path):
+    samples = [{"time": 0.01 * k, "gx": GYRO[k, 0], "gy": GYRO[k, 1], "gz": GYRO[k, 2]} for k in range(SIZE)]
+    samples[20] |= {"gx": float("nan"), "gy": float("inf"), "gz": None}
+    path = tmp_path / "log.jsonl"
+    for text in ("\n".join(map(json.dumps, samples)), json.dumps(samples)):
+        path.write_text(text)
+        imu = gmwm.read(path, units={"gyro": "rad/s"})
+        assert imu["gyro_x"].values.size == SIZE - 1
+        assert [row for row, _ in imu.time_base.gaps] == [20]

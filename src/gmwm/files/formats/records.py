@@ -35,6 +35,14 @@ _STAMP = re.compile(r"(.*)\.(?:sec|secs|seconds)")
 _FRACTIONS = ("nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds")
 
 
+_NO_NUMBER = re.compile(rb"(?<=[:,\[\s])[+-]?(?:NaN|Infinity)\b")
+
+
+def _joined(messages: Sequence[bytes]) -> BytesIO:
+    """Return the lines of messages, with null for the NaN and Infinity of Python, which Polars does not know."""
+    return BytesIO(_NO_NUMBER.sub(b"null", b"\n".join(messages)))
+
+
 @dataclass(frozen=True)
 class JsonType:
     """The type of JSON messages, by their fields."""
@@ -49,7 +57,7 @@ class JsonType:
 
         messages = [message.replace(b"\n", b" ") for message in messages if is_object(message)]
         try:
-            schema = pl.read_ndjson(BytesIO(b"\n".join(messages)), infer_schema_length=None).schema
+            schema = pl.read_ndjson(_joined(messages), infer_schema_length=None).schema
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             reason = f" ({str(error).splitlines()[0]})" if messages else ""
             raise ReadError(
@@ -77,7 +85,7 @@ class JsonType:
         """Return the fields of messages as columns."""
         import polars as pl
 
-        return _flat(pl.read_ndjson(BytesIO(b"\n".join(lines)), schema=self.schema, ignore_errors=True), self.elements)
+        return _flat(pl.read_ndjson(_joined(lines), schema=self.schema, ignore_errors=True), self.elements)
 
 
 @dataclass(frozen=True)
