@@ -479,3 +479,10 @@ def test_other_numbers_are_no_times_between_rows(tmp_path):
         with raises(ReadError, "no time column"):
             read(saved(tmp_path, steps, name="dt"))
     assert read(saved(tmp_path, ["0.01"] * 1200, name="dt"), rate=50.0).rate == 50  # the rate of the user counts
+
+
+def test_a_stated_unit_with_a_rate_that_no_sensor_has_is_an_error(tmp_path):
+    path = saved(tmp_path, [f"{1.4e9 + 0.005 * k:.3f}" for k in range(1200)], name="timestamp [ns]")
+    with raises(UnitError, "200 Hz in s", advises=["time"]):
+        read(path)
+    assert read(path, units={"time": "s"}).rate == 200

@@ -171,6 +171,7 @@ def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
 
 _EPOCH = (1e9, 2.2e9)
 """Range of seconds since 1970 in the years 2001 to 2039, which the time stamps of computers usually have."""
+_RATES = (0.9, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
 _CALENDARS = (
     ("d", 36_892.0, 51_136.0),
     ("d", 730_852.0, 745_096.0),
@@ -295,7 +296,7 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
         agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= 0.05]
         if agreeing:
             return agreeing[0]
-    low, high = (0.9, 1e5)  # range of rates (Hz) that are plausible for a unit of time that is not stated
+    low, high = _RATES
     possible = [unit for unit, value in rates.items() if low <= value <= high]
     epoch = [unit for unit in possible if _EPOCH[0] <= origin / TIME_UNITS[unit] <= _EPOCH[1]]
     # Rate (Hz) above which a unit is not inferred if another unit gives a lower rate, because such recordings are rare
@@ -310,6 +311,18 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
         code="unit-unknown",
         advice="State the unit, for example with {--units=time:s} or {--units=time:ms}, or pass {--rate}.",
     )
+
+
+def require_plausible(rate: float, unit: str) -> None:
+    """Raise an error if time stamps in a unit that the file states show a rate (Hz) that no sensor has."""
+    if rate > _RATES[1] and unit in TIME_UNITS:
+        others = {other: rate * count / TIME_UNITS[unit] for other, count in TIME_UNITS.items()}
+        likely = next((other for other, value in others.items() if _RATES[0] <= value <= _RATES[1]), "s")
+        raise UnitError(
+            f"the time stamps show a rate of {rate:.3g} Hz in {unit}, the unit that the file states, and "
+            f"{others[likely]:.6g} Hz in {likely}",
+            code="unit-contradiction", advice="State the unit with {--units=@units}.", units=f"time:{likely}",
+        )  # fmt: skip
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:

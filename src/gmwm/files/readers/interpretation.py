@@ -31,7 +31,14 @@ from gmwm.files.clock.missing_values import (
 )
 from gmwm.files.clock.running_clock import Pace
 from gmwm.files.clock.text_stamps import holds_stamps, require_readable
-from gmwm.files.clock.time_stamps import Timing, as_stamps, beside_stated, calendar_unit, timing_without_stamps
+from gmwm.files.clock.time_stamps import (
+    Timing,
+    as_stamps,
+    beside_stated,
+    calendar_unit,
+    require_plausible,
+    timing_without_stamps,
+)
 from gmwm.files.columns.axis_units import multiply, offset_counts, resolve, time_unit
 from gmwm.files.columns.column_names import named_unit, unit_of
 from gmwm.files.columns.columns import ColumnChoice, describe_columns
@@ -312,6 +319,8 @@ def _timing(
         return timing_without_stamps(as_rate(layout.rate), samples), (stated,)
     unit, about_unit = time_unit(layout, choice, options.units)
     timing, about_form = clock_of(stamps, unit, options.rate)
+    if "time" not in options.units and options.rate is None:
+        require_plausible(timing.base.rate, unit)
     if options.rate is None and layout.rate is not None and layout.rate_of_samples:
         timing = beside_stated(timing, layout.rate)
     return timing, tuple(remark for remark in (about_unit, about_form) if remark is not None)
