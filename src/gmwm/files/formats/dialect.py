@@ -100,9 +100,9 @@ def comment_sign(line: str) -> str:
 
 def detect(lines: list[str], path: object, commas: Commas = "", names: tuple[str, ...] = ()) -> TextDialect:
     """Detect the dialect from the first lines, with known `commas` and with `names` that are not in the lines."""
-    odd = tuple(pair for sign, pair in (("\x1b[", COLOURS), ("−", MINUS)) if any(sign in line for line in lines))
-    for pattern, text in odd:
-        lines = [re.sub(pattern.decode(), text.decode(), line) for line in lines]
+    odd = tuple(pair for mark, pair in (("\x1b[", COLOURS), ("−", MINUS)) if any(mark in line for line in lines))
+    for pattern, plain in odd:
+        lines = [re.sub(pattern.decode(), plain.decode(), line) for line in lines]
     lines = plain_header(lines)
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:

@@ -242,7 +242,8 @@ class _OpenFile:
             origin = origin.with_intervals(choice, options.columns)
         if (time := origin.intervals) is not None:
             if "time" not in choice.columns:
-                choice = choose(layout, {**dict(options.columns or {}), "time": time}, file)
+                others = options.columns if isinstance(options.columns, Mapping) else {}
+                choice = choose(layout, {**others, "time": time}, file)
             remark = Remark.of("time-read", case="read", form="intervals", columns=(layout.channels[time].name,))
             choice = replace(choice, remarks=(*choice.remarks, remark))
         require_time(layout, choice, options.rate, file)
