@@ -122,24 +122,14 @@ def copied_rows(chunks: Iterable[NDArray[Any]]) -> tuple[tuple[int, int], ...]:
             if not begin <= first < end or first + row - begin < copies[-1][1]:
                 continue
             for source in order[low:high][order[low:high] < first].tolist():
-                stop = first + _equal_rows(window[source:first], window[first:])
+                count = min(first - source, window.size - first)
+                differ = np.flatnonzero(window[first : first + count] != window[source : source + count])
+                stop = first + (int(differ[0]) if differ.size else count)
                 if np.count_nonzero(np.diff(values[first:stop], axis=0)) >= STAMPS_BEHIND:
                     copies.append((first + row - begin, stop + row - begin))
                     break
         row += end - begin
     return tuple(copies[1:])
-
-
-def _equal_rows(rows: NDArray[Any], others: NDArray[Any]) -> int:
-    """Return the number of first rows that equal those of other rows."""
-    count, longest = 0, min(rows.size, others.size)
-    while count < longest:
-        part = slice(count, min(2 * count + STAMPS_BEHIND, longest))
-        differ = np.flatnonzero(rows[part] != others[part])
-        if differ.size:
-            return count + int(differ[0])
-        count = part.stop
-    return count
 
 
 def _windows(chunks: Iterable[NDArray[Any]]) -> Iterator[tuple[NDArray[Any], int, int]]:

@@ -270,10 +270,9 @@ def are_intervals(values: NDArray[Any]) -> bool:
     (True, False)
     """
     later = values[1:].astype(np.float64)  # the first row may have no row before it
-    if later.size < 2 or not np.all(later > 0):
+    if later.size < 2 or not np.all(later > 0) or np.mean(np.abs(later / np.median(later) - 1) <= 0.5) < 0.9:
         return False
-    near = np.abs(later / np.median(later) - 1) <= 0.5
-    return bool(np.mean(near) >= 0.9 and (np.all(later == later[0]) or np.any(np.diff(later) < 0)))
+    return bool(np.ptp(later) == 0 or np.any(np.diff(later) < 0))
 
 
 def calendar_unit(values: NDArray[Any]) -> str:
@@ -316,12 +315,12 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
 def require_plausible(rate: float, unit: str) -> None:
     """Raise an error if time stamps in a unit that the file states show a rate (Hz) that no sensor has."""
     if rate > _RATES[1] and unit in TIME_UNITS:
-        others = {other: rate * count / TIME_UNITS[unit] for other, count in TIME_UNITS.items()}
-        likely = next((other for other, value in others.items() if _RATES[0] <= value <= _RATES[1]), "s")
+        rates = {other: rate * count / TIME_UNITS[unit] for other, count in TIME_UNITS.items()}
+        likely = next((other for other, value in rates.items() if _RATES[0] <= value <= _RATES[1]), "s")
         raise UnitError(
-            f"the time stamps show a rate of {rate:.3g} Hz in {unit}, the unit that the file states, and "
-            f"{others[likely]:.6g} Hz in {likely}",
-            code="unit-contradiction", advice="State the unit with {--units=@units}.", units=f"time:{likely}",
+            f"the time stamps show {rate:.3g} Hz in {unit}, the unit that the file states, but {rates[likely]:.6g} Hz "
+            f"in {likely}", code="unit-contradiction", advice="State the unit with {--units=@units}.",
+            units=f"time:{likely}",
         )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm.base.errors import ReadError
 from gmwm.base.remarks import Remark
 from gmwm.base.time_base import TimeBase
-from gmwm.files.clock.missing_values import CUT, as_floats, is_missing
+from gmwm.files.clock.missing_values import CUT, as_floats
 from gmwm.files.clock.time_stamps import are_intervals
 from gmwm.files.columns.column_names import is_interval
 from gmwm.files.columns.columns import ColumnChoice
@@ -74,14 +74,15 @@ class FileRows:
         """Iterate over the rows of the wanted columns."""
         chunks = without_float_warnings(self.reader.chunks(self.path, self.layout, wanted))
         chunks = chunks if self.limits is None else _between(chunks, *self.limits)
-        return _add_up(chunks, self.intervals) if self.intervals in wanted else chunks
+        return chunks if self.intervals is None or self.intervals not in wanted else _add_up(chunks, self.intervals)
 
     def with_intervals(self, choice: ColumnChoice, columns: Columns | None) -> FileRows:
         """Return it with the column of the times between rows, if its name and its numbers make it the only clock."""
         named = [k for k, channel in enumerate(self.layout.channels) if is_interval(channel.name)]
-        time = choice.columns.get("time")
-        free = columns is None or (isinstance(columns, Mapping) and "time" not in columns)
-        if len(named) != 1 or self.layout.rate is not None or (time not in named and not (time is None and free)):
+        free = "time" not in choice.columns and (
+            columns is None or (isinstance(columns, Mapping) and "time" not in columns)
+        )
+        if len(named) != 1 or self.layout.rate is not None or not (free or choice.columns.get("time") in named):
             return self
         try:
             rows = first_rows(self.chunks(named), ColumnChoice({"time": named[0]}))[named[0]]
@@ -145,15 +146,14 @@ def first_rows(chunks: Iterator[Rows], choice: ColumnChoice) -> Rows:
     return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
 
 
-def _add_up(chunks: Iterator[Rows], column: int | None) -> Iterator[Rows]:
+def _add_up(chunks: Iterator[Rows], column: int) -> Iterator[Rows]:
     """Yield the chunks with the sum of a column up to each row; missing values stay."""
-    total: Any = 0
+    total = 0.0
     for rows in chunks:
-        if column is not None:
-            missing = is_missing(rows[column])
-            sums = total + np.cumsum(rows[column] if missing is None else np.where(missing, 0, rows[column]))
-            total = sums[-1] if sums.size else total
-            yield {**rows, column: sums if missing is None else np.where(missing, rows[column], sums)}
+        values = as_floats(rows[column])
+        sums = total + np.nancumsum(values)
+        total = sums[-1] if sums.size else total
+        yield {**rows, column: np.where(np.isnan(values), values, sums)}
 
 
 def _between(chunks: Iterator[Rows], begin: int, end: int) -> Iterator[Rows]:

@@ -248,8 +248,7 @@ class RecordingStatistics:
             if (change := level_change(statistics[axis], motion, extent)) is not None
         }
         remarks = (
-            *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck),
-            *findings.of_copies(axes),
+            *findings.of_time(extent, self._base, self._same), *findings.of_stuck(stuck), *findings.of_copies(axes),
             *findings.of_saturation(saturations, self._units),
             *(findings.of_positions(parts) if parts else motions),
             *findings.of_steps(steps, self._remarks), *(() if parts else findings.of_levels(levels)),
@@ -259,7 +258,8 @@ class RecordingStatistics:
             *findings.of_rounding({axis: item for axis, item in axes.items() if axis in moving}, extent.rate),
             *findings.of_units(self._densities()),
             *findings.of_conditions(conditions.found, conditions.unknown),
-            *(remark for remark in self._remarks if not findings.is_made_again(remark)),
+            # `of_time` makes the other remarks of a reader on the time stamps again.
+            *(r for r in self._remarks if r.code != "stamps-irregular" or r.facts["case"] in ("drift", "again")),
         )  # fmt: skip
         return Inspection(
             source=self._source, rate=extent.rate, duration=extent.samples / extent.rate, samples=extent.samples,

@@ -25,11 +25,6 @@ MOVED = 1.0
 _NOISY = 0.1  # noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)
 
 
-def is_made_again(remark: Remark) -> bool:
-    """Return whether `of_time` makes a remark of a reader on the time stamps again."""
-    return remark.code == "stamps-irregular" and remark.facts["case"] not in ("drift", "again")
-
-
 def of_time(extent: Extent, base: TimeBase, same: int) -> Iterator[Remark]:
     """Yield remarks on gaps and time stamps. `same` is the number of samples that equal the one before on all axes."""
     filled, count = extent.filled_samples
