@@ -123,7 +123,10 @@ def copied_rows(chunks: Iterable[NDArray[Any]]) -> tuple[tuple[int, int], ...]:
                 continue
             for source in order[low:high][order[low:high] < first].tolist():
                 count = min(first - source, window.size - first)
-                differ = np.flatnonzero(window[first : first + count] != window[source : source + count])
+                for size in (min(STAMPS_BEHIND, count), count):  # rows that are no copies differ soon
+                    differ = np.flatnonzero(window[first : first + size] != window[source : source + size])
+                    if differ.size:
+                        break
                 stop = first + (int(differ[0]) if differ.size else count)
                 if np.count_nonzero(np.diff(values[first:stop], axis=0)) >= STAMPS_BEHIND:
                     copies.append((first + row - begin, stop + row - begin))
