@@ -18,7 +18,8 @@ from scipy.signal import lfilter
 
 import gmwm
 from gmwm.choosing.datasheets.filter_numbers import filter_numbers, smallest_error
-from gmwm.showing.exporters.two_states import LONGEST_AVERAGING_S, POINTS, Curve, fit_states
+from gmwm.showing.exporters.one_state import Predictions, fit_biases
+from gmwm.showing.exporters.two_states import LONGEST_AVERAGING_S, POINTS, Curve
 
 NAME = "filter"
 SEED = 20261128
@@ -186,8 +187,11 @@ def run(reduced: bool = False) -> dict[str, Any]:
         made = errors(signals, bandwidth)
         tried = np.array([errors(signals, bandwidth * factor) for factor in np.geomspace(0.05, 5.0, 25)])
         full = [smallest_error(processes, RATE, round(time * RATE)) for time in TIMES]
-        state = fit_states([_curve(text)], 1, 1.0, LONGEST_AVERAGING_S)[0]
-        real, claims = with_state(signals, state.white, state.sigma[0], state.time[0]) if state.sigma else (made, made)
+        noise = Predictions.of(_curve(text), processes, 1.0, LONGEST_AVERAGING_S)
+        real, claims = made, made
+        if noise.K > 0:
+            (sigma,), time = fit_biases([noise], 1.0, LONGEST_AVERAGING_S)
+            real, claims = with_state(signals, numbers.N, sigma, time)
         best = np.minimum(tried.min(axis=0), made)
         rows.append(
             {

@@ -65,8 +65,7 @@ def test_consumers_read_n_and_k_back(unit, format, rule):
         wanted = {sensor: (white, wanted["accel"][1]) for sensor, (white, _) in wanted.items()}
     for sensor, (white, walk) in wanted.items():
         found_white, found_walk = CONSUMERS[format](text)[sensor]
-        # A program with a Gauss-Markov bias has the white noise beside this bias.
-        assert found_white == pytest.approx(white, rel=0.1 if format in MARKOV else 2e-6)
+        assert found_white == pytest.approx(white, rel=2e-6)
         if name == "no-walk":
             # An upper limit, which the file says: see below.
             assert np.all(found_walk > 0)
@@ -114,7 +113,7 @@ def test_worst_is_the_largest_n_and_the_largest_k(units):
     assert CONSUMERS["kalibr"](text)["gyro"][1][0] == pytest.approx(limit, rel=1e-6)
 
 
-@each("format", sorted(set(CONSUMERS) - set(MARKOV)))
+@each("format", CONSUMERS)
 def test_the_file_has_the_numbers_of_the_table(units, format):
     axes = "each" if format in PER_AXIS else "worst"
     for calibration in units.values():
@@ -123,7 +122,7 @@ def test_the_file_has_the_numbers_of_the_table(units, format):
             for symbol, found in zip("NK", consumed[sensor], strict=True):
                 entries = [calibration.datasheets[f"{sensor}_{k}"][symbol] for k in "xyz"]
                 values = [entry.high if entry.upper_only else entry.value for entry in entries]
-                if format != "glim" or symbol == "N":
+                if format not in (*MARKOV, "glim") or symbol == "N":
                     assert found == pytest.approx(values if axes == "each" else [max(values)] * 3, rel=2e-6)
 
 
@@ -178,7 +177,7 @@ def test_discrete_numbers_are_for_the_rate_that_is_asked_for(units, format):
     for sensor, pair in expected(TRUTHS["quantized"], "worst").items():
         numbers = 1 if format in MARKOV else 2
         for found, wanted in list(zip(CONSUMERS[format](text, rate=400.0)[sensor], pair, strict=True))[:numbers]:
-            assert found == pytest.approx(wanted, rel=0.02 if format in MARKOV else 2e-6)
+            assert found == pytest.approx(wanted, rel=2e-6)
 
 
 @pytest.mark.slow
@@ -209,15 +208,16 @@ def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("format", MARKOV)
-def test_a_single_gauss_markov_term_is_the_bias_itself(format):
+def test_a_single_gauss_markov_term_is_nearly_the_bias_itself(format):
     truth = "GM(beta=0.1, sigma2={}) + WN(sigma2={})"
     truths = {f"{sensor}_{letter}": truth.format(scale * (1 + k), 1e2 * scale)
               for sensor, scale in (("gyro", 1e-8), ("accel", 1e-6)) for k, letter in enumerate("xyz")}  # fmt: skip
     text = calibrated(truths, "GM + WN").export(format=format, axes="each")
     found = CONSUMERS[format](text)
     for sensor, scale in (("gyro", 1e-8), ("accel", 1e-6)):
-        assert found[sensor][1] == pytest.approx(np.sqrt(2 * 0.1 * scale * np.arange(1, 4)), rel=1e-5)
-    assert "within 0.01 % for gyro_x, 0.01 % for gyro_y" in words(text)
+        assert found[sensor][1] == pytest.approx(np.sqrt(2 * 0.1 * scale * np.arange(1, 4)), rel=0.04)
+    # N of the table, 2 to 4 % above the white noise, makes the difference.
+    assert float(re.search(r"within (\S+) % of the model's", words(text))[1]) < 4
 
 
 @pytest.mark.slow
@@ -234,9 +234,9 @@ def test_the_bias_of_kf_gins_is_as_large_as_the_bias():
 
 def test_an_error_of_the_reduction_is_that_of_the_allan_deviation():
     """Flicker noise and a walk by one Gauss-Markov process: the stated error is the largest in the band."""
-    truths = {axis: f"WN(sigma2={k}e-7) + RW(gamma2=1e-12)" for k, axis in enumerate(TRUTHS["no-walk"], 2)}
+    truths = dict.fromkeys(TRUTHS["no-walk"], "WN(sigma2=2e-7) + RW(gamma2=1e-12)")
     text = calibrated(truths, "WN + RW").export(format="navego")
-    stated = float(re.search(r"within (\S+) % for gyro_x", words(text))[1])
+    stated = float(re.search(r"within (\S+) % of the model's", words(text))[1])
     assert "T of gyro_x, gyro_y" in words(text)
     white, sigma, time = (float(re.search(rf"imu.{key} = \[(\S+)", text)[1]) for key in ("arw", "gb_dyn", "gb_corr"))
     white, sigma = white * math.pi / 180 / 60, sigma * math.pi / 180
@@ -256,8 +256,8 @@ def test_gazebo_simulates_the_gauss_markov_term_itself(units):
     noise = imu.find("linear_acceleration/z/noise")
     time, drive = (float(noise.find(f"dynamic_bias_{key}").text) for key in ("correlation_time", "stddev"))
     space = gmwm.GM(beta=0.1, sigma2=3e-6).state_space(RATE)
-    assert math.exp(-1 / (RATE * time)) == pytest.approx(space.F[0, 0], rel=1e-6)
-    assert -(drive**2) * time / 2 * math.expm1(-2 / (RATE * time)) == pytest.approx(space.Q[0, 0], rel=1e-5)
+    assert 1 - math.exp(-1 / (RATE * time)) == pytest.approx(1 - space.F[0, 0], rel=0.03)
+    assert -(drive**2) * time / 2 * math.expm1(-2 / (RATE * time)) == pytest.approx(space.Q[0, 0], rel=0.05)
 
 
 @pytest.mark.slow

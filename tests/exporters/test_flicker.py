@@ -53,18 +53,19 @@ def test_the_walk_predicts_best(unit, format):
 def test_a_gauss_markov_bias_is_near_to_it(unit, format):
     exporter = find_exporter(format)
     options = {"axes": None, "inflation": 1.0, "horizon": 2.0, "rate": None, "duration": None}
-    found = exporter.biases(exporter._noise(unit, _options(exporter, options)))
+    noise = exporter._noise(unit, _options(exporter, options))
+    found, numbers = exporter.biases(noise), {axis.axis: axis.N for each in noise.sensors for axis in each.axes}
     text = words(unit.export(format=format, horizon=2.0))
-    stated = {axis: float(error) for error, axis in re.findall(r"(\S+) % for (\w+_[xyz])", text)}
-    assert set(stated) == set(TRUTHS)
+    stated, errors = float(re.search(r"within (\S+) % of the model's", text)[1]), []
     n = np.unique(np.geomspace(2 * RATE, SAMPLES, 200).astype(int))
     for axis, bias in found.items():
         whole = gmwm.Model.parse(TRUTHS[axis])
-        white = gmwm.WN(sigma2=RATE * bias.N.value**2)
+        white = gmwm.WN(sigma2=RATE * numbers[axis].value ** 2)
         reduced = gmwm.Model((white, GM(beta=1 / bias.time, sigma2=bias.sigma.value**2)))
         ratio = np.sqrt(reduced.allan_variance(n, RATE) / whole.allan_variance(n, RATE))
-        assert 100 * np.max(np.abs(ratio - 1)) == pytest.approx(stated[axis], rel=0.1)
-        assert stated[axis] < 40
+        errors.append(100 * np.max(np.abs(ratio - 1)))
+    assert max(errors) == pytest.approx(stated, rel=0.1)
+    assert stated < 50
     assert not remarks_in(unit, format, horizon=2.0) or format in ("gnss-ins-sim", "navego")
 
 

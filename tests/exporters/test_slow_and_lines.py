@@ -54,7 +54,7 @@ def test_lines_are_named_and_their_error_is_counted(lines, format):
     white, walk = CONSUMERS[format](text)["gyro"]
     numbers = filter_numbers(Model.parse(LINES["gyro"]).processes, RATE)
     assert 1.5 * math.sqrt(6e-7 / RATE) < numbers.N
-    assert white == pytest.approx(math.sqrt(6e-7 / RATE) if format in MARKOV else numbers.N, rel=2e-3)
+    assert white == pytest.approx(numbers.N, rel=2e-3)
     if format not in (*MARKOV, "glim"):
         assert walk == pytest.approx(numbers.K, rel=5e-3)
     found = [remark for remark in remarks_in(lines, format) if code_of(remark) == "lines:file"]

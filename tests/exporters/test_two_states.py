@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.showing.exporters.two_states import apart, two_states
+from gmwm.showing.exporters.two_states import Curve, apart, two_states
 
 from .conftest import RATE, calibrated, exact_curve
 from .test_state_space import loaded
@@ -99,6 +99,12 @@ def test_a_random_walk_and_a_gauss_markov_term_are_their_own_states():
     assert found.sigma[0] ** 2 == pytest.approx(2e-8, rel=0.02)
     # Far below its correlation time a state is the random walk.
     assert 2 * found.sigma[1] ** 2 / found.time[1] == pytest.approx(2e-12 * RATE, rel=0.02)
+
+
+def test_the_slopes_of_the_allan_variance_are_its_derivatives():
+    curve, times = Curve(np.array([1, 10, 1000]), RATE, np.ones(3)), np.array([0.02, 1.0, 500.0])
+    moved = [curve.units(times * np.exp(step)) for step in (-1e-4, 1e-4)]
+    assert curve.slopes(times) == pytest.approx((moved[1] - moved[0]) / 2e-4, rel=1e-6, abs=1e-12)
 
 
 def test_white_noise_has_no_states():

@@ -10,7 +10,7 @@ from gmwm.files.importers import given_noise
 from gmwm.files.importers.files import FORMATS
 from gmwm.showing.exporters import export_formats
 from gmwm.showing.exporters.given import given_calibration
-from tests.exporters.consumers import CONSUMERS, MARKOV, PER_AXIS
+from tests.exporters.consumers import CONSUMERS, PER_AXIS
 from tests.helpers import raises
 
 RATE = 200.0
@@ -29,8 +29,6 @@ WRITTEN = (
     "matlab",
 )
 NUMBERS = {"gyro": (0.15 * math.pi / 180 / 60, 2 * math.pi / 180 / 3600 / 60), "accel": (60e-6 * 9.80665, 1e-4)}
-WALK_AT_HORIZON = 1e-3
-"""Relative error that a Gauss-Markov bias of an hour may have as a random walk: T_h/T."""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +45,7 @@ def test_a_datasheet_through_a_file_and_back(calibration, format, tmp_path):
     found = given_noise(file, RATE)
     for sensor, (white, walk) in NUMBERS.items():
         # What the consumer makes of the file …
-        assert consumed[sensor][0] == pytest.approx(white, rel=1e-5 if format in MARKOV else 2e-6)
+        assert consumed[sensor][0] == pytest.approx(white, rel=2e-6)
         if format != "kfgins":
             assert consumed[sensor][1] == pytest.approx(walk, rel=2e-6)
         for k, letter in enumerate("xyz"):

@@ -31,10 +31,8 @@ from gmwm.fitting.estimation.result import Fit
 from gmwm.measuring.axis_results import AxisResults
 from gmwm.recording.options import as_confidence
 from gmwm.recording.signals import Imu, Signal
-from gmwm.showing.exporters.markov import biases
-from gmwm.showing.exporters.quality import TIMES
+from gmwm.showing.exporters.one_state import TIMES, biases
 from gmwm.showing.exporters.reduction import AxisNoise, Number
-from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model, as_model
 from gmwm.theory.processes.noise import RW, WN
@@ -347,13 +345,9 @@ def filter_model(
     if filter == "N, K":
         return _two_numbers(white.value, walk.value, signal.rate), limits
     noise = AxisNoise(axis, item, N=white, K=walk, B=Number(0.0, False), use=Use())
-    longest = max(
-        min(LONGEST_AVERAGING_S, item.wavelet_variance.samples / item.wavelet_variance.rate),
-        LEAST_AVERAGING_RATIO * DEFAULT_HORIZON_S,
-    )
-    bias = biases([noise], DEFAULT_HORIZON_S, longest, common=False)[axis]
+    bias = biases([noise], DEFAULT_HORIZON_S)[axis]
     state = GM(beta=1 / bias.time, sigma2=bias.sigma.value**2)
-    return Model((WN(sigma2=bias.N.value**2 * signal.rate), state)), limits
+    return Model((WN(sigma2=white.value**2 * signal.rate), state)), limits
 
 
 def _value(entry: Entry, unit: str, power: float) -> Number:

@@ -3,89 +3,17 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import ClassVar
 
-from gmwm.base.lazy import once_per_result
 from gmwm.base.text import duration_text
 from gmwm.base.units import STANDARD_GRAVITY
-from gmwm.calibration import Calibration
-from gmwm.fitting.estimation.result import Fit
-from gmwm.showing.exporters import two_states
-from gmwm.showing.exporters.base import ExportOptions, Noise, TwoNumbers, register
-from gmwm.showing.exporters.reduction import AxisNoise, Number, SensorNoise, ruled, three
+from gmwm.showing.exporters.base import Noise, TwoNumbers, register
+from gmwm.showing.exporters.one_state import TIMES, Bias, biases
+from gmwm.showing.exporters.quality import range_text
+from gmwm.showing.exporters.reduction import Number, SensorNoise, ruled, three
 from gmwm.showing.exporters.text import commented, commented_notes, row_mark, shortened, unended, written
-
-
-@dataclass(frozen=True)
-class Bias:
-    """White noise and Gauss-Markov bias of one axis."""
-
-    axis: str  # name of the axis
-    # white noise and standard deviation of the bias (SI), before inflation
-    N: Number
-    sigma: Number
-    time: float  # correlation time (s)
-    error: float  # largest relative difference to the Allan deviation of the model
-
-    @property
-    def walk(self) -> Number:
-        """Random walk K = σ √(2/T) (SI), which describes the bias at times far below the correlation time."""
-        return self.sigma.scaled(math.sqrt(2 / self.time))
-
-
-def biases(axes: Sequence[AxisNoise], low: float, high: float, *, common: bool) -> dict[str, Bias]:
-    """Fit white noise and a GM bias to each axis by least squares of the log Allan variance from `low` to `high` (s),
-    also limits of T; `common` gives one T. If K is an upper limit, so is σ, which has the walk K at times below T."""
-    slow = [axis for axis in axes if not axis.K.upper and axis.K.value > 0]
-    groups = [slow] if common and slow else [[axis] for axis in slow]
-    fitted: dict[str, Bias] = {}
-    for group in groups:
-        states = [_alone(group[0].fit, low, high)] if len(group) == 1 else _together([a.fit for a in group], low, high)
-        fitted |= {
-            axis.axis: Bias(
-                axis=axis.axis, N=Number(state.white, axis.N.upper), sigma=Number(state.sigma[0], False),
-                time=state.time[0], error=state.error,
-            )
-            for axis, state in zip(group, states, strict=True) if state.sigma
-        }  # fmt: skip
-    time = next(iter(fitted.values())).time if common and fitted else high
-    for axis in axes:
-        if axis.axis not in fitted:
-            sigma = axis.K.scaled(math.sqrt(time / 2))
-            fitted[axis.axis] = Bias(axis=axis.axis, N=axis.N, sigma=sigma, time=time, error=0.0)
-    return fitted
-
-
-def _alone(fit: Fit, low: float, high: float) -> two_states.States:
-    """Return the white noise and the bias of one axis, which are computed once."""
-    return once_per_result(fit, "bias", (low, high), lambda: _together([fit], low, high)[0])
-
-
-def _together(fits: Sequence[Fit], low: float, high: float) -> list[two_states.States]:
-    """Return the white noise and the bias of each axis, with one correlation time for all."""
-    curves = [two_states.Curve.of(fit, low, high) for fit in fits]
-    # White noise is fitted beside a bias whose correlation time may be far longer, like that of a random walk.
-    # At 1e5 times the longest averaging time, it is a walk within 1e-5 (tests/importers/test_files.py).
-    white = [
-        once_per_result(fit, "white", (low, high), partial(_beside_walk, curve, low, high))
-        for fit, curve in zip(fits, curves, strict=True)
-    ]
-    return two_states.fit_states(curves, 1, low, high, white=white)
-
-
-def _beside_walk(curve: two_states.Curve, low: float, high: float) -> float:
-    return two_states.fit_states([curve], 1, low, 1e5 * high)[0].white
-
-
-@dataclass(frozen=True)
-class MarkovNoise(Noise):
-    """The noise parameters of a unit, with the Gauss-Markov bias of each axis."""
-
-    biases: Mapping[str, Bias] = field(default_factory=dict)
+from gmwm.showing.exporters.two_states import longest_averaging
 
 
 class GaussMarkov(TwoNumbers):
@@ -95,72 +23,39 @@ class GaussMarkov(TwoNumbers):
     per_axis = True
     common: ClassVar[bool] = False
 
-    @abstractmethod
-    def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
-        """Return the lines below the head, in ASCII, for N and the bias of each axis."""
-
-    def body(self, noise: Noise) -> Sequence[str]:
-        """Return the lines below the head."""
-        return self.rows(noise, self.biases(noise))
-
     def biases(self, noise: Noise) -> Mapping[str, Bias]:
         """Return the Gauss-Markov bias of each axis for the options of the file."""
-        assert isinstance(noise, MarkovNoise)
-        return noise.biases
+        axes = [axis for sensor in noise.sensors for axis in sensor.axes]
+        return biases(axes, noise.options.horizon, noise.options.duration, common=self.common)
 
     def predictions(self, noise: Noise) -> list[str]:
-        """Return a sentence on how well N, σ and T describe the models."""
-        low, high = band(noise)
-        found = self.biases(noise).values()
-        fits = [f"{max(100 * bias.error, 0.01):.2g} % for {bias.axis}" for bias in found if not bias.sigma.upper]
-        text = "N, sigma and T have the Allan deviation that is nearest to the model at averaging times from "
-        text += f"{duration_text(low, 3)} to {duration_text(high, 3)}"
-        text += f": within {', '.join(fits)}." if fits else "."
-        if ends := [bias.axis for bias in found if not bias.sigma.upper and bias.time > 0.999 * high]:
-            text += f" T of {', '.join(ends)} is the end of this band."
-        if bounded := [bias.axis for bias in found if bias.sigma.upper]:
+        """Return sentences on how well N, σ and T describe the models."""
+        fits, found = [axis.fit for sensor in noise.sensors for axis in sensor.axes], self.biases(noise).items()
+        high = longest_averaging(fits, noise.options.horizon, noise.options.duration)
+        text = "N, sigma and T are for a filter with a Gauss-Markov bias."
+        if fitted := [bias for _, bias in found if bias.claims]:
+            times = ", ".join(f"{time * noise.options.horizon:g}" for time in TIMES)
+            ratios = ", ".join(map(range_text, zip(*(bias.claims for bias in fitted), strict=True)))
+            text += f" Stated over real error of predictions over {times} s: {ratios}. Allan deviation up to "
+            text += f"{duration_text(high, 3)}: within {100 * max(bias.error for bias in fitted):.2g} % of the model's."
+        if ends := [axis for axis, bias in found if bias.claims and bias.time > 0.999 * high]:
+            text += f" T of {', '.join(ends)} is the longest averaging time."
+        if bounded := [axis for axis, bias in found if bias.sigma.upper]:
             text += f" sigma of {', '.join(bounded)} is an upper limit, and T is not measured."
         return [text]
 
-    def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
-        noise = super()._noise(calibration, options)
-        axes = [axis for sensor in noise.sensors for axis in sensor.axes]
-        found = biases(axes, *band(noise), common=self.common)
-
-        def with_bias(sensor: SensorNoise | None) -> SensorNoise | None:
-            if sensor is None:
-                return None
-            each = tuple(replace(axis, N=found[axis.axis].N) for axis in sensor.axes)
-            white = ruled([(axis.axis, axis.N) for axis in each], options.axes, options.inflation)
-            return replace(sensor, axes=each, N=white)
-
-        return MarkovNoise(
-            with_bias(noise.gyro), with_bias(noise.accel), options, topic=noise.topic, rest=noise.rest, biases=found
-        )
-
-
-def band(noise: Noise) -> tuple[float, float]:
-    """Return the shortest and the longest averaging time (s) of the fit."""
-    low = noise.options.horizon
-    if noise.options.duration is not None:
-        return low, max(noise.options.duration, two_states.LEAST_AVERAGING_RATIO * low)
-    lengths = [axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate
-               for sensor in noise.sensors for axis in sensor.axes]  # fmt: skip
-    return low, max(min(two_states.LONGEST_AVERAGING_S, *lengths), two_states.LEAST_AVERAGING_RATIO * low)
-
-
-def of_sensor(sensor: SensorNoise, found: Mapping[str, Bias], noise: Noise) -> tuple[tuple[Number, float], ...]:
-    """Return σ (after inflation) and T for the x, y and z axes of a sensor, combined by the rule of the file."""
-    rule, inflation = noise.options.axes, noise.options.inflation
-    if rule == "worst":
-        worst = max((found[axis.axis] for axis in sensor.axes), key=lambda bias: bias.sigma.value)
-        return ((worst.sigma.scaled(inflation), worst.time),) * 3
-    sigmas = ruled([(axis.axis, found[axis.axis].sigma) for axis in sensor.axes], rule, inflation)
-    if rule == "each":
-        order = sorted(axis.axis for axis in sensor.axes)
-        return tuple((sigma, found[axis].time) for sigma, axis in zip(sigmas, order, strict=True))
-    longest = max(found[axis.axis].time for axis in sensor.axes)
-    return tuple((sigma, longest) for sigma in sigmas)
+    def of_sensor(self, sensor: SensorNoise, noise: Noise) -> tuple[tuple[Number, float], ...]:
+        """Return σ (after inflation) and T for the x, y and z axes of a sensor, combined by the rule of the file."""
+        rule, inflation, found = noise.options.axes, noise.options.inflation, self.biases(noise)
+        if rule == "worst":
+            worst = max((found[axis.axis] for axis in sensor.axes), key=lambda bias: bias.sigma.value)
+            return ((worst.sigma.scaled(inflation), worst.time),) * 3
+        sigmas = ruled([(axis.axis, found[axis.axis].sigma) for axis in sensor.axes], rule, inflation)
+        if rule == "each":
+            order = sorted(axis.axis for axis in sensor.axes)
+            return tuple((sigma, found[axis].time) for sigma, axis in zip(sigmas, order, strict=True))
+        longest = max(found[axis.axis].time for axis in sensor.axes)
+        return tuple((sigma, longest) for sigma in sigmas)
 
 
 _DEGREE = math.pi / 180
@@ -184,14 +79,14 @@ class GnssInsSim(GaussMarkov):
     )
     usage = ("Pass the dictionary: imu_model.IMU(accuracy=imu_err, axis=6, gps=False).",)
 
-    def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
+    def body(self, noise: Noise) -> Sequence[str]:
         """Return the Python code of the dictionary."""
         lines = ["import numpy as np", "", "imu_err = {"]
         for name, walk, sensor, factor in (
             ("gyro", "arw", noise.of("gyro"), 1 / _DEGREE), ("accel", "vrw", noise.of("accel"), 1.0)
         ):  # fmt: skip
             rate = 3600 * factor if name == "gyro" else 1.0
-            bias = of_sensor(sensor, found, noise)
+            bias = self.of_sensor(sensor, noise)
             sigmas = [sigma for sigma, _ in bias]
             lines += [
                 _python(f"{name}_b", [Number(rate * x, False) for x in three(noise.rest, sensor.quantity)], ""),
@@ -226,14 +121,14 @@ class NaveGo(GaussMarkov):
     )
     usage = ("Convert to SI units: imu1 = imu_si_errors(imu, 1/imu.freq). Magnetometers: add m_psd of your file.",)
 
-    def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
+    def body(self, noise: Noise) -> Sequence[str]:
         """Return MATLAB code that sets the fields of the structure."""
         lines = []
         for sensor, prefix, density, walk, factor, unit in (
             (noise.of("gyro"), "gb", "arw", "arrw", 1 / _DEGREE, 60 / _DEGREE),
             (noise.of("accel"), "ab", "vrw", "vrrw", 1e3 / STANDARD_GRAVITY, 60.0),
         ):
-            bias = of_sensor(sensor, found, noise)
+            bias = self.of_sensor(sensor, noise)
             sigmas = [sigma for sigma, _ in bias]
             lines += [
                 _matlab(density, [number.scaled(unit) for number in sensor.N], row_mark(sensor.N)),
@@ -256,8 +151,7 @@ def _matlab(key: str, numbers: Sequence[Number], mark: str) -> str:
 class KfGins(GaussMarkov):
     """KF-GINS's N and Gauss-Markov bias σ of each axis, with one correlation time T.
 
-    The filter's driving noise has the density 2σ²/T. A single slow Gauss-Markov term gives σ and T. Source:
-    `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS."""
+    The filter's driving noise has the density 2σ²/T. Source: `kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp`."""
 
     name = "kfgins"
     title = "KF-GINS (kf-gins.yaml)"
@@ -271,16 +165,16 @@ class KfGins(GaussMarkov):
     )
     usage = ("Keep gsstd and asstd of your file: a recording at rest does not show scale factors.",)
 
-    def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
+    def body(self, noise: Noise) -> Sequence[str]:
         """Return the entry with its five keys."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
-        sigmas = [[sigma for sigma, _ in of_sensor(sensor, found, noise)] for sensor in (gyro, accel)]
-        time = next(iter(found.values())).time
-        measured = not all(bias.sigma.upper for bias in found.values())
+        sigmas = [[sigma for sigma, _ in self.of_sensor(sensor, noise)] for sensor in (gyro, accel)]
+        found = list(self.biases(noise).values())
+        measured = any(bias.claims for bias in found)
         return [
             "imunoise:", _yaml("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"), _yaml("vrw", accel.N, 60, "m/s/sqrt(h)"),
             _yaml("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"), _yaml("abstd", sigmas[1], 1e5, "mGal"),
-            f"  corrtime: {written(time / 3600)}  # h{'' if measured else '  not measured'}",
+            f"  corrtime: {written(found[0].time / 3600)}  # h{'' if measured else '  not measured'}",
         ]  # fmt: skip
 
 
@@ -314,13 +208,13 @@ class Gazebo(GaussMarkov):
         above, below = commented(shortened(head), ""), commented_notes(notes, "")
         return "\n".join([*_comment(above), *self.body(noise), *_comment(below)]) + "\n"
 
-    def rows(self, noise: Noise, found: Mapping[str, Bias]) -> Sequence[str]:
+    def body(self, noise: Noise) -> Sequence[str]:
         """Return the XML element "imu" with the noise of each axis."""
         names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
         lines = [f"<!-- stddev for {noise.written_rate} Hz -->", "<imu>"]
         for sensor in noise.sensors:
             lines.append(f"  <{names[sensor.quantity]}>")
-            for letter, white, (sigma, time) in zip("xyz", sensor.N, of_sensor(sensor, found, noise), strict=True):
+            for letter, white, (sigma, time) in zip("xyz", sensor.N, self.of_sensor(sensor, noise), strict=True):
                 lines += _axis(letter, white.scaled(math.sqrt(noise.rate)), sigma.scaled(math.sqrt(2 / time)), time)
             lines.append(f"  </{names[sensor.quantity]}>")
         return [*lines, "</imu>"]

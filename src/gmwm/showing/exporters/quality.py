@@ -18,9 +18,9 @@ from gmwm.choosing.datasheets.effective import TRUE_CLAIM, claim, true_times
 from gmwm.choosing.datasheets.filter_numbers import FilterGain, FilterPrediction, samples_in, smallest_error
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
+from gmwm.showing.exporters.one_state import TIMES, biases
 from gmwm.showing.exporters.reduction import NAMES, RULES, AxisNoise, Number, Rule, SensorNoise, lines_of
 from gmwm.showing.exporters.text import is_given
-from gmwm.showing.exporters.two_states import LEAST_AVERAGING_RATIO, LONGEST_AVERAGING_S, Curve, fit_states
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -181,7 +181,6 @@ def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, level: Qu
             )  # fmt: skip
 
 
-TIMES = (1.0, 10.0, 60.0)  # times (s) over which the predictions of the filters are compared
 LARGE_LOSS = 1.2
 """Loss at the longest time that advises a filter with more states, a convention (tests/exporters/test_quality.py)."""
 
@@ -225,7 +224,7 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
         by_time = list(zip(*(qualities(axis, *pair) for pair, axes in groups.items() for axis in axes), strict=True))
         losses = [max((each.loss for each in at if each.loss is not None), default=math.nan) for at in by_time]
         error = "" if any(map(math.isnan, losses)) else f"error {', '.join(f'{loss:.2f}' for loss in losses)}; "
-        stated = ", ".join(_range([each.claim for each in at]) for at in by_time)
+        stated = ", ".join(range_text([each.claim for each in at]) for at in by_time)
         spans = {pair: true_times([axis.fit for axis in axes], *pair) for pair, axes in groups.items()}
         first = min(spans, key=lambda pair: spans[pair][1])
         since, until = max(begin for begin, _ in spans.values()), spans[first][1]
@@ -247,18 +246,14 @@ def predictions(sensors: Iterable[SensorNoise], inflation: float) -> list[str]:
 
 
 def _bias_instead(axis: AxisNoise, inflation: float) -> str:
-    """Return white noise and a Gauss-Markov bias of an axis. The errors that a filter with these numbers states are
-    true at all times (docs/validation/filter.md)."""
-    longest = min(LONGEST_AVERAGING_S, axis.fit.wavelet_variance.samples / axis.fit.wavelet_variance.rate)
-    band = TIMES[0], max(longest, LEAST_AVERAGING_RATIO * TIMES[0])
-    state = once_per_result(axis.fit, "one state", band, lambda: fit_states([Curve.of(axis.fit, *band)], 1, *band)[0])
-    if axis.K.upper or not state.sigma or state.white <= 0:
-        return ""
+    """Return white noise and a Gauss-Markov bias of an axis, as the files with such a bias have them."""
+    bias = biases([axis], axis.use.horizon)[axis.axis]
     # Short, because a file has few lines of comment; the units are those of the file.
-    white, sigma = state.white * inflation, state.sigma[0] * inflation
-    return f", or use N {white:.3g}, σ {sigma:.2g}, T {round_text(state.time[0], 2)} s ({axis.axis})"
+    white, sigma = axis.N.value * inflation, bias.sigma.value * inflation
+    text = f", or use N {white:.3g}, σ {sigma:.2g}, T {round_text(bias.time, 2)} s ({axis.axis})"
+    return text if bias.claims else ""
 
 
-def _range(ratios: Sequence[float]) -> str:
+def range_text(ratios: Sequence[float]) -> str:
     """Return the smallest and the largest ratio, once if they agree."""
     return "-".join(dict.fromkeys(f"{ratio:.2f}" for ratio in (min(ratios), max(ratios))))

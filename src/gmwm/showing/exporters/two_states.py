@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
-from gmwm.base.arrays import Integers, Matrix, Vector, freeze
+from gmwm.base.arrays import Integers, Matrix, Vector
 from gmwm.base.lazy import once_per_result, scipy
 from gmwm.base.text import duration_text
 from gmwm.choosing.datasheets.effective import Use, filter_entries
 from gmwm.fitting.estimation.result import Fit
 from gmwm.fitting.likelihood.system import is_ramp
 from gmwm.theory.processes.base import Process
-from gmwm.theory.processes.exponential_sum import gm_shape
+from gmwm.theory.processes.exponential_sum import gm_shape, gm_slope
 from gmwm.theory.processes.markov import GM
 from gmwm.theory.processes.model import Model
 from gmwm.theory.processes.noise import WN
@@ -79,20 +78,22 @@ def two_states(fit: Fit, horizon: float, duration: float | None = None) -> TwoSt
     return once_per_result(fit, "two states", (horizon, duration), lambda: _two_states(fit, horizon, duration))
 
 
+def longest_averaging(fits: Iterable[Fit], horizon: float, duration: float | None = None) -> float:
+    """Return the longest averaging time (s): `duration`, or an hour, or the shortest recording if it is shorter."""
+    curves = (fit.wavelet_variance for fit in fits)
+    longest = min([LONGEST_AVERAGING_S, *(wv.samples / wv.rate for wv in curves)]) if duration is None else duration
+    return max(longest, LEAST_AVERAGING_RATIO * horizon)
+
+
 def _two_states(fit: Fit, horizon: float, duration: float | None) -> TwoStates | None:
     noise = filter_entries(fit, Use(horizon), 0.95)
-    longest = (
-        min(LONGEST_AVERAGING_S, fit.wavelet_variance.samples / fit.wavelet_variance.rate)
-        if duration is None
-        else duration
-    )
-    high = max(longest, LEAST_AVERAGING_RATIO * horizon)
+    high = longest_averaging([fit], horizon, duration)
     if noise["K"].value == 0 or high * fit.wavelet_variance.rate < 1:
         return None
     curve = Curve.of(fit, horizon, high)
     # At 100 times the longest averaging time, the Allan deviation of a Gauss-Markov process differs from that of a
     # random walk by 0.3 % (tests/exporters/test_two_states.py).
-    two, one = (fit_states([curve], count, horizon, 100.0 * high)[0] for count in (STATES, 1))
+    two, one = (fit_states(curve, count, horizon, 100.0 * high) for count in (STATES, 1))
     times = curve.clusters / curve.rate
     white, walk = noise["N"].value, noise["K"].value
     return TwoStates(
@@ -135,9 +136,15 @@ class Curve:
         """Allan variance (n,) of white noise with the density 1."""
         return np.asarray(self.rate / self.clusters)
 
-    def unit(self, time: float) -> Vector:
-        """Return the Allan variance (n,) of a Gauss-Markov process with variance 1 and a correlation time (s)."""
-        return _unit(self, time)
+    def units(self, times: Vector) -> Matrix:
+        """Return the Allan variances (m, n) of Gauss-Markov processes with variance 1 and correlation times (s)."""
+        # The Allan variance is twice the wavelet variance at half-scales of the averaging times.
+        return np.asarray(2.0 * gm_shape(1 / times / self.rate, self.clusters.astype(np.float64)))
+
+    def slopes(self, times: Vector) -> Matrix:
+        """Return the derivatives (m, n) of `units` with respect to the logarithms of the times."""
+        decays = 1 / times / self.rate
+        return np.asarray(-2.0 * decays[:, None] * gm_slope(decays, self.clusters.astype(np.float64)))
 
     def error(self, reduced: Vector) -> float:
         """Return the largest relative difference between the Allan deviations of a reduced and of the whole model.
@@ -145,61 +152,45 @@ class Curve:
         return float(np.max(np.abs(np.sqrt(reduced / self.whole) - 1)))
 
 
-@lru_cache(maxsize=64)
-def _unit(curve: Curve, time: float) -> Vector:
-    # The Allan variance is twice the wavelet variance at half-scales of the averaging times. A derivative with respect
-    # to a strength uses the same times again.
-    return freeze(2.0 * gm_shape(np.array([1 / time / curve.rate]), curve.clusters.astype(np.float64))[0])
-
-
-def fit_states(
-    curves: Sequence[Curve], count: int, low: float, high: float, *, white: Sequence[float] | None = None
-) -> list[States]:
-    """Fit white noise (or `white`) and at most `count` GM states to each curve, with common times from `low` to `high`
-    (s), by least squares of the log Allan variance."""
-    times, parts = _start(curves, count, low, high)
-    held = 0 if white is None else 1
+def fit_states(curve: Curve, count: int, low: float, high: float) -> States:
+    """Fit white noise and at most `count` GM states, with times from `low` to `high` (s), by least squares of the log
+    Allan variance."""
+    times, parts = _start(curve, count, low, high)
+    split = parts.size
     # If there is no white noise, the search starts from a trace of it, because it takes logarithms.
-    floors = [1e-12 * curve.whole[0] / curve.white[0] for curve in curves]
-    start = [math.log(max(x, floor)) for part, floor in zip(parts, floors, strict=True) for x in part[held:]]
-    lower = np.array([-np.inf] * len(start) + [math.log(low)] * times.size)
-    upper = np.array([np.inf] * len(start) + [math.log(high)] * times.size)
-    inside = np.clip([*start, *np.log(times)], lower + 1e-9, upper - 1e-9)
+    start = np.log([*np.maximum(parts, 1e-12 * curve.whole[0] / curve.white[0]), *times])
+    free, ends = np.full(split, np.inf), np.full(times.size, 1.0)
+    lower, upper = np.append(-free, ends * math.log(low)), np.append(free, ends * math.log(high))
 
-    def strengths(x: Vector) -> Matrix:
-        """Return the squared density of the white noise and the variances of the states, one row for each curve."""
-        rows = np.exp(x[: len(start)]).reshape(len(curves), -1)
-        return rows if white is None else np.column_stack([np.square(white), rows])
-
-    def reduced(x: Vector) -> Iterator[Vector]:
-        for curve, (density, *variances) in zip(curves, strengths(x), strict=True):
-            units = (v * curve.unit(math.exp(t)) for v, t in zip(variances, x[len(start) :], strict=True))
-            yield np.asarray(density * curve.white + sum(units))
+    def terms(x: Vector) -> Matrix:
+        return np.asarray(np.exp(x[:split, None]) * np.vstack([curve.white, curve.units(np.exp(x[split:]))]))
 
     def residuals(x: Vector) -> Vector:
-        return np.concatenate([np.log(r / curve.whole) for r, curve in zip(reduced(x), curves, strict=True)])
+        return np.asarray(np.log(terms(x).sum(axis=0) / curve.whole))
 
-    x = scipy.optimize.least_squares(residuals, inside, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
-    order = np.argsort(x[len(start) :])
-    return [
-        States(
-            white=float(roots[0]), sigma=tuple(roots[1:][order].tolist()),
-            time=tuple(np.exp(x[len(start) :][order]).tolist()), error=curve.error(allan),
-        )
-        for roots, allan, curve in zip(np.sqrt(strengths(x)), reduced(x), curves, strict=True)
-    ]  # fmt: skip
+    def slopes(x: Vector) -> Matrix:
+        each, moved = terms(x), np.exp(x[1:split, None]) * curve.slopes(np.exp(x[split:]))
+        return np.asarray((np.vstack([each, moved]) / each.sum(axis=0)).T)
+
+    inside = np.clip(start, lower + 1e-9, upper - 1e-9)
+    x = scipy.optimize.least_squares(residuals, inside, jac=slopes, bounds=(lower, upper), xtol=1e-10, ftol=1e-10).x
+    order, (white, *sigmas), ends = np.argsort(x[split:]), np.exp(x[:split] / 2).tolist(), np.exp(x[split:]).tolist()
+    return States(
+        white, sigma=tuple(sigmas[k] for k in order), time=tuple(ends[k] for k in order),
+        error=curve.error(terms(x).sum(axis=0)),
+    )  # fmt: skip
 
 
-def _start(curves: Sequence[Curve], count: int, low: float, high: float) -> tuple[Vector, list[Vector]]:
-    """Return the best times on a grid, and white noise and variances by curve, without states zero in all."""
+def _start(curve: Curve, count: int, low: float, high: float) -> tuple[Vector, Vector]:
+    """Return the best times on a grid, and white noise and variances, without states that are zero."""
     grid = np.geomspace(low, high, _TRIED[count])
-    shapes = [np.array([curve.white, *map(curve.unit, grid.tolist())]) / curve.whole for curve in curves]
+    shapes = np.vstack([curve.white, curve.units(grid)]) / curve.whole
     combined = [[0, *(1 + k for k in places)] for places in combinations(range(grid.size), count)]
-    solved = [[scipy.optimize.nnls(shape[rows].T, np.ones(shape.shape[1])) for shape in shapes] for rows in combined]
-    best = int(np.argmin([sum(distance**2 for _, distance in each) for each in solved]))
-    parts = np.array([part for part, _ in solved[best]])
-    kept = np.append(True, np.any(parts[:, 1:] > 0, axis=0))
-    return grid[np.array(combined[best][1:]) - 1][kept[1:]], list(parts[:, kept])
+    solved = [scipy.optimize.nnls(shapes[rows].T, np.ones(shapes.shape[1])) for rows in combined]
+    best = int(np.argmin([distance for _, distance in solved]))
+    parts = solved[best][0]
+    kept = np.append(True, parts[1:] > 0)
+    return grid[np.array(combined[best][1:]) - 1][kept[1:]], parts[kept]
 
 
 def is_ramp_of(process: Process, rate: float) -> bool:
