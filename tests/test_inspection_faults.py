@@ -206,6 +206,21 @@ def test_several_jumps_are_told_from_a_random_walk():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("sizes", "recurs"), [((1, 0.8), False), ((1, -1, 1, -1), False), ((1, 0.8, -2.2, 0.9), True)])
+def test_jumps_of_more_than_two_changes_are_noise_of_the_sensor(sizes, recurs):
+    """A filter meets such jumps in use too: the limit of K without them was 3 to 15 times too small."""
+    jumps = 4e-4 * np.array(sizes)
+    places = SAMPLES * (np.arange(jumps.size) + 0.7) / (jumps.size + 0.5)
+    x = faults.WHITE * np.random.default_rng(3).normal(size=SAMPLES) + jumps @ (np.arange(SAMPLES) > places[:, None])
+    steps = seen(x).steps
+    assert len(steps) == jumps.size
+    assert [step.is_certain for step in steps] == [not recurs] * jumps.size
+    walk = gmwm.calibrate(imu_of(x), "WN + RW").datasheets["gyro_x"]["K"]
+    assert walk.upper_only
+    assert (walk.high > np.sqrt(np.sum(jumps**2) * RATE / SAMPLES)) == recurs
+
+
+@pytest.mark.slow
 def test_a_jump_is_subtracted_from_a_stream_too(tmp_path):
     rng = np.random.default_rng(4)
     x = faults.WHITE * rng.normal(size=2 * SAMPLES) + 2e-4 * (np.arange(2 * SAMPLES) > 70_000)

@@ -34,7 +34,7 @@ NAMED: dict[str, str] = {
     "held_2": "fault-undone:held", "held_4": "fault-undone:held", "held_10": "fault-undone:held",
     "held_coarse": "fault-undone:held", "polled": "fault-undone:held", "lost": "fault-undone:repeated",
     "asleep": "fault-undone:frozen", "dead_start": "fault-undone:dead", "jump": "fault-undone:jumps",
-    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps or level-steps:possible",
+    "jump_white": "fault-undone:jumps", "jumps": "fault-undone:jumps or level-steps:clear or level-steps:possible",
     "counter": "output-rounded:counter", "counter_exact": "output-rounded:counter", "wrapped": "fault-undone:wrapped",
     "wrapped_rare": "fault-undone:wrapped", "interpolated": "fault-undone:interpolated", "periodic": "trend:swing",
     "student_3": "heavy-tails:fit", "student_2.5": "heavy-tails:fit", "cauchy": "samples-replaced:spikes",

@@ -31,7 +31,7 @@ from gmwm.measuring.covariance.tails import with_common_tails
 from gmwm.measuring.inspection import Inspection
 from gmwm.measuring.inspection.api import with_gravity
 from gmwm.measuring.inspection.findings import beginning_to_omit, omission_remarks
-from gmwm.measuring.inspection.jumps import MOST, remarks_of_jumps
+from gmwm.measuring.inspection.jumps import jumps_to_subtract
 from gmwm.measuring.inspection.time_grid import Extent
 from gmwm.measuring.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, dependence, other_efficiency
 from gmwm.measuring.outliers.bursts import RARE
@@ -195,8 +195,9 @@ def _measure_recording(
             run = replace(run, scheduler=None, workers=None)
             conditions, passes = _read(part, axes, options, run)
         steady = part
-        if options.repeated == "auto" and not run.remote and (jumps := _jumps_of(passes.inspection)):
-            steady = without_jumps(part, jumps, remarks_of_jumps(passes.inspection))
+        jumps, notes = jumps_to_subtract(passes.inspection)
+        if jumps and options.repeated == "auto" and not run.remote:
+            steady = without_jumps(part, jumps, notes)
             conditions, passes = _read(steady, axes, options, run)
         inspection = passes.inspection
         if start := _warm_up(inspection, options):
@@ -299,15 +300,6 @@ def _warm_up(inspection: Inspection, options: CalibrationOptions) -> float:
     if options.warmup == "keep" or options.conditions.arrays:
         return 0.0
     return beginning_to_omit(inspection.trends, inspection.duration) or 0.0
-
-
-def _jumps_of(inspection: Inspection) -> dict[str, list[tuple[int, float]]]:
-    """Return the number of the first sample and the size of each jump that can be subtracted."""
-    jumps: dict[str, list[tuple[int, float]]] = {}
-    for step in inspection.steps:
-        if step.is_certain:
-            jumps.setdefault(step.axis, []).append((step.index, step.size))
-    return {axis: of_axis for axis, of_axis in jumps.items() if len(of_axis) < MOST}
 
 
 def _require_one_stream(recordings: Recordings, argument: str) -> None:

@@ -21,7 +21,7 @@ from gmwm.base.units import SI_UNIT, STANDARD_GRAVITY, find_unit
 from gmwm.measuring.axis_results import as_recording
 from gmwm.measuring.inspection import findings
 from gmwm.measuring.inspection.axis_statistics import AxisStatistics, level_change, motion_of, still_parts
-from gmwm.measuring.inspection.jumps import jumps_of, with_shared_settling
+from gmwm.measuring.inspection.jumps import jumps_of, with_recurring, with_shared_settling
 from gmwm.measuring.inspection.knocks import Step, knocks_of, steps_of
 from gmwm.measuring.inspection.result import AxisInspection, Inspection, combined
 from gmwm.measuring.inspection.time_grid import Ends, Extent, Saturation, dead_band_of, folding_of, saturation_of
@@ -304,7 +304,8 @@ class RecordingStatistics:
         clear = jumps_of(axis, means, self._extent, values)
         resolution = self._resolutions[axis] or 0.0
         sharp = steps_of(axis, sums.levels(), extent=self._extent, resolution=resolution, values=values)
-        return clear + [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+        further = [step for step in sharp if all(abs(step.index - item.index) > 3 * sums.length for item in clear)]
+        return with_recurring(clear + further, sums.length)
 
     def _axis(self, axis: str, sums: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(sums.differences.means[0] / 2))
@@ -375,13 +376,10 @@ def _noise(axis: str, sums: AxisStatistics, conditions: Conditions) -> list[tupl
 
 def _without_steps(means: list[tuple[int, Vector]], steps: Sequence[Step], length: int) -> list[tuple[int, Vector]]:
     """Return block means of an axis without its jumps."""
-    jumps = [step for step in steps if not step.possible]
-    if not jumps:
-        return means
     return [
         (first, block_means - sum(
             step.size * np.clip((first + length * np.arange(1, block_means.size + 1) - step.index) / length, 0.0, 1.0)
-            for step in jumps
+            for step in steps if not step.possible
         ))
         for first, block_means in means
     ]  # fmt: skip
@@ -401,14 +399,12 @@ _WEIGHTLESS = 0.5  # specific force (m/s²) whose direction is that of offsets, 
 
 def _turning(axes: Mapping[str, AxisInspection], gravity: float | None) -> str | None:
     """Return the gyroscope axis that has gravity as its mean (rad/s) while the accelerometers lack it, if any."""
-    return next(
-        (
-            axis
-            for axis, item in axes.items()
-            if gravity is not None and item.unit == SI_UNIT["gyro"] and abs(item.mean) > 1.0
-            and abs(math.hypot(item.mean, gravity) / STANDARD_GRAVITY - 1) < 0.05
-        ), None,
+    turning = (
+        axis for axis, item in axes.items()
+        if gravity is not None and item.unit == SI_UNIT["gyro"] and abs(item.mean) > 1.0
+        and abs(math.hypot(item.mean, gravity) / STANDARD_GRAVITY - 1) < 0.05
     )  # fmt: skip
+    return next(turning, None)
 
 
 def _gravity(

@@ -114,10 +114,8 @@ def _box(values: Vector) -> tuple[int, int, float]:
         gains = np.where(
             usable, (sums[ends] - sums[begins][:, None]) ** 2 / np.where(usable, width * (size - width), 1), 0.0
         )
-        begin, end = (
-            int(places[k])
-            for places, k in zip((begins, ends), np.unravel_index(np.argmax(gains), gains.shape), strict=True)
-        )
+        row, column = np.unravel_index(np.argmax(gains), gains.shape)
+        begin, end = int(begins[row]), int(ends[column])
         begins, ends = (np.arange(max(place - step, 0), min(place + step, size) + 1) for place in (begin, end))
     return begin, end, float((sums[end] - sums[begin]) * size / ((end - begin) * (size - end + begin)))
 
@@ -131,17 +129,33 @@ def with_shared_settling(steps: Sequence[Step], reach: float) -> list[Step]:
     ]
 
 
-def remarks_of_jumps(inspection: Inspection) -> list[Remark]:
-    """Return the remarks on jumps that are subtracted from the samples, and on settling."""
-    remarks = []
+def with_recurring(steps: Sequence[Step], length: int) -> list[Step]:
+    """Return jumps of an axis. More than two changes recur: they are noise, which a filter meets in use too. A jump and
+    the jump back are one change, or a disturbance if they are at most four blocks of `length` samples apart."""
+    jumps = sorted((step for step in steps if step.is_certain), key=lambda step: step.index)
+    ends = [(a, b) for a, b in pairwise(jumps) if abs(a.size + b.size) < abs(a.size) / 2]
+    brief = [step for a, b in ends if b.index - a.index <= _SHORT * length for step in (a, b)]
+    changes, before = 0, 0.0
+    for jump in (lasting := [step for step in jumps if step not in brief]):
+        is_back = abs(before + jump.size) < abs(before) / 2
+        changes, before = (changes, 0.0) if is_back else (changes + 1, jump.size)
+    noise = jumps if len(jumps) >= MOST else lasting if changes > 2 else []
+    return [replace(step, recurs=step in noise) for step in steps]
+
+
+def jumps_to_subtract(inspection: Inspection) -> tuple[dict[str, list[tuple[int, float]]], list[Remark]]:
+    """Return the first sample after each jump of an axis that can be subtracted, and its size, and the remarks."""
+    jumps, remarks = dict[str, list[tuple[int, float]]](), list[Remark]()
     for axis, item in inspection.axes.items():
-        jumps = [step for step in inspection.steps if step.axis == axis and step.is_certain]
-        if any(step.axis == axis and step.until is not None for step in inspection.steps):
+        steps = [step for step in inspection.steps if step.axis == axis]
+        if certain := [step for step in steps if step.is_certain]:
+            jumps[axis] = [(step.index, step.size) for step in certain]
+        if any(step.until is not None for step in steps):
             remarks.append(Remark.of("level-steps", axis, case="settles", **settling_times(inspection.steps)))
-        if len(jumps) < MOST and (jumps := [step for step in jumps if step.until is None]):
-            size = in_datasheet_units(max(abs(step.size) for step in jumps), 0.0, item.unit)
-            remarks.append(Remark.of("fault-undone", axis, case="jumps", size=size, **places_of(jumps)))
-    return remarks
+        if certain := [step for step in certain if step.until is None]:
+            size = in_datasheet_units(max(abs(step.size) for step in certain), 0.0, item.unit)
+            remarks.append(Remark.of("fault-undone", axis, case="jumps", size=size, **places_of(certain)))
+    return jumps, remarks
 
 
 def _jumps_in(means: BlockMeans) -> list[_Jump]:
@@ -254,11 +268,8 @@ def _one_by_one(
         residual = BlockMeans(means.means - sizes @ courses)
     while len(places) < MOST:
         gain, place, _, weights = residual.jump
-        if (
-            gain < (limits.more if places else limits.gain)
-            or residual.swing.gain >= gain
-            or residual.trend.statistic >= gain
-        ):
+        least = limits.more if places else limits.gain
+        if gain < least or residual.swing.gain >= gain or residual.trend.statistic >= gain:
             break
         root = np.sqrt(weights)
         place = _within_block(residual, place, root)

@@ -36,8 +36,8 @@ class Step:
     """A lasting jump of the mean of an axis at `time` (s), before sample `index`.
 
     `times` is the size in standard deviations of usual changes. `at_gap`: the sensor restarted in a short gap, which is
-    not filled (`Signal.fill_gaps`). A `possible` jump may be part of a random walk. `until` is the time (s) up to which
-    the mean settles, for a jump that is part of a settling."""
+    not filled (`Signal.fill_gaps`). A `possible` jump may be part of a random walk. One that `recurs` is noise of the
+    axis. `until` is the time (s) up to which the mean settles, for a jump that is part of a settling."""
 
     time: float
     axis: str
@@ -46,12 +46,13 @@ class Step:
     at_gap: bool = False
     index: int = 0
     possible: bool = False
+    recurs: bool = False
     until: float | None = None
 
     @property
     def is_certain(self) -> bool:
         """Whether the jump can be subtracted."""
-        return not (self.at_gap or self.possible)
+        return not (self.at_gap or self.possible or self.recurs)
 
 
 def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:
