@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmwm.base.documents import plain
 from gmwm.base.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import align, gap_text, html_table
@@ -76,19 +77,10 @@ def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
     """Return intervals, standard errors and test for JSON, with None for infinite or missing ones."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
-    return {
-        "confidence": how.level,
-        "method": how.method,
-        "confidence_intervals": {
-            name: [low if math.isfinite(low) else None, high if math.isfinite(high) else None]
-            for name, (low, high) in intervals.items()
-        },
-        "standard_errors": {
-            name: error if math.isfinite(error) else None
-            for name, error in (standard_errors(fit, how) if intervals else {}).items()
-        },
-        "goodness_of_fit": None if test is None else test.to_dict(),
-    }
+    errors = standard_errors(fit, how) if intervals else {}
+    numbers = {"confidence": how.level, "method": how.method, "confidence_intervals": intervals}
+    document: dict[str, Any] = plain(numbers | {"standard_errors": errors, "goodness_of_fit": test})
+    return document
 
 
 def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from gmwm.base.arrays import Vector
+from gmwm.base.documents import plain
 from gmwm.base.errors import ModelError, OptionError
 from gmwm.base.remarks import Dialect, Remark, texts
 from gmwm.base.text import counted, p_relation
@@ -244,15 +245,9 @@ def own_residuals(fit: LikelihoodFit) -> Residuals | None:
 
 def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
     """Return confidence intervals and standard errors as numbers for JSON. Infinite values become None."""
-    return {
-        "confidence": level,
-        "confidence_intervals": {
-            name: [end if math.isfinite(end) else None for end in interval] for name, interval in intervals.items()
-        },
-        "standard_errors": {
-            name: error if math.isfinite(error) else None for name, error in fit.standard_errors.items()
-        },
-    }
+    numbers = {"confidence": level, "confidence_intervals": intervals, "standard_errors": fit.standard_errors}
+    document: dict[str, Any] = plain(numbers)
+    return document
 
 
 def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
