@@ -25,6 +25,7 @@ from gmwm.applications.monitor.whitening import Finite, Gain, number, require_sc
 from gmwm.base.arrays import Vector, as_whole_number
 from gmwm.base.documents import plain, plain_fields
 from gmwm.base.errors import ReadError
+from gmwm.base.kinds import Document
 from gmwm.base.threads import OneAtATime, one_at_a_time
 from gmwm.base.time_base import lost_samples
 from gmwm.base.units import AXES, SI_UNIT, axis_quantity
@@ -448,7 +449,7 @@ class Monitor(OneAtATime):
         Other content raises a ReadError."""
         if not isinstance(content, Mapping) or content.get("format") != FORMAT:
             raise ReadError(f'not a monitor: it has no "format": "{FORMAT}"')
-        try:
+        with Document("monitor", "Make a new monitor from the calibration.").reading():
             baselines = {axis: Baseline.from_dict(item) for axis, item in content["baselines"].items()}
             monitor = cls(content["models"], content["every"], rate=content["rate"], baseline=baselines)
             monitor._restore(content["state"])
@@ -456,8 +457,6 @@ class Monitor(OneAtATime):
                 raise ValueError("the deadline must come after the samples so far, and needs an alarm")
             for axis, item in monitor._axes.items():
                 require_scale(axis, item.whitener.gain.S)
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
-            raise ReadError(f"not a monitor: {error}", advice="Make a new monitor from the calibration.") from error
         return monitor
 
     def _restore(self, state: Mapping[str, Any]) -> None:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from gmwm.base.arrays import Vector, as_rate, joined
-from gmwm.base.errors import DataError, OptionError, ReadError
+from gmwm.base.errors import DataError, OptionError
+from gmwm.base.kinds import Document
 from gmwm.base.threads import one_at_a_time
 from gmwm.measuring.axis_results import chi_square_limits
 from gmwm.measuring.variance.api import wavelet_variance
@@ -227,7 +228,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletAccumulator:
         """Restore an accumulator from the result of its `to_dict`; raise ReadError if `values` is not such a state."""
-        try:
+        with Document("state of an accumulator", "Save the state again with `to_dict()`.").reading():
             result = cls(
                 float(values["rate"]), levels=int(values["levels"]), exact=int(values["exact"]),
                 start=int(values["start"]), unit=str(values["unit"]), axis=str(values["axis"]),
@@ -247,15 +248,6 @@ class WaveletAccumulator(SegmentedAccumulator):
             result._first = SegmentState.restore("first_", result.exact, result.levels, values)
             result._last = SegmentState.restore("last_", result.exact, result.levels, values)
             result._count = as_count(sum(result._lengths) + sum(part.count for part in result._open()))
-        except KeyError as error:
-            raise ReadError(
-                f"this is not the state of an accumulator: {error.args[0]!r} is missing",
-                advice="Save the state again with `to_dict()`.",
-            ) from error
-        except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
-            raise ReadError(
-                f"this is not the state of an accumulator: {error}", advice="Save the state again with `to_dict()`."
-            ) from error
         return result
 
     def __getstate__(self) -> dict[str, Any]:
