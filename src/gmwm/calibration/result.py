@@ -562,11 +562,6 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
             Whether to write only what fits on one page: the verdict, N, B, K and the bias of each axis, one plot, the
             most severe remarks, and the recording with its SHA-256.
 
-        Returns
-        -------
-        Path
-            Path of the written file.
-
         Raises
         ------
         OptionError

@@ -210,11 +210,6 @@ def register(reader: R) -> R:
         A subclass of `Reader`. Its `name` must differ from the names of the other formats by more than upper and lower
         case.
 
-    Returns
-    -------
-    class
-        The same class.
-
     Raises
     ------
     OptionError
@@ -330,11 +325,6 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
         The file; it is opened only if `format` is None.
     format : str, optional
         Name of the format, in upper or lower case. By default, the reader with the highest score is chosen.
-
-    Returns
-    -------
-    Reader
-        The reader of the format.
 
     Raises
     ------

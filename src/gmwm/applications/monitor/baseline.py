@@ -334,10 +334,6 @@ def baselines(
     axes : sequence of str, optional
         The axes; all axes of the calibration by default.
 
-    Returns
-    -------
-    mapping of axis to Baseline
-
     Raises
     ------
     DataError

@@ -288,11 +288,6 @@ class Stream:
         done : callable, optional
             Called with the number of samples so far after every chunk.
 
-        Returns
-        -------
-        PowerSpectra
-            Mapping of axis to PowerSpectrum.
-
         Raises
         ------
         ReadError, DataError
