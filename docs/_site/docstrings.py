@@ -29,6 +29,7 @@ def as_text(app: Sphinx, what: str, name: str, thing: object, options: object, l
 
     An example after a section of parameters or errors becomes a section of its own, as it would count as one of them.
     """
+    lines[:] = with_returned(thing, lines)
     # An attribute's words are not "type: words", as napoleon takes a colon in the first line to mean.
     written = ["\\ "] if what in ("attribute", "property") else []
     section, in_example = "", False
@@ -52,6 +53,16 @@ def as_text(app: Sphinx, what: str, name: str, thing: object, options: object, l
             is_type = section in SECTIONS and section != "Raises" and not line.startswith(" ")
             written.append(_marked(link.types(line) if is_type else line, link))
     lines[:] = written
+
+
+def with_returned(thing: object, lines: list[str]) -> list[str]:
+    """Words about parameters, with a section for the type that the function returns unless they have one."""
+    kind = getattr(getattr(thing, "__func__", thing), "__annotations__", {}).get("return")
+    sections = [k - 1 for k, line in enumerate(lines) if RULE.fullmatch(line)]
+    if kind in (None, "None") or "Parameters" not in lines or "Returns" in lines or inspect.isclass(thing):
+        return lines
+    place = next((k for k in sections if lines[k] != "Parameters"), len(lines))
+    return [*lines[:place], "Returns", "-------", str(kind), "", *lines[place:]]
 
 
 def _marked(line: str, link: Links) -> str:

@@ -379,10 +379,6 @@ class Calibration(Summarised, Plotted, Tabular, Mapping[str, Fit]):
         path : path
             The JSON file, or the folder with a calibration.json.
 
-        Returns
-        -------
-        Calibration
-
         Raises
         ------
         ReadError

@@ -125,10 +125,6 @@ class ContinuousStateSpace:
         rate : float
             Steps per second (Hz). With the rate of the recording, the result is the original discrete model.
 
-        Returns
-        -------
-        StateSpace
-
         References
         ----------
         Van Loan, C. F. (1978), Computing integrals involving the matrix exponential, IEEE Transactions on Automatic

@@ -214,10 +214,6 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     size : float
         Probability of any false alarm in a fleet of healthy units.
 
-    Returns
-    -------
-    FleetStatistics
-
     Raises
     ------
     OptionError

@@ -74,10 +74,6 @@ class Baseline(FrozenArrays):
         rate : float
             Sampling rate (Hz).
 
-        Returns
-        -------
-        Baseline
-
         Raises
         ------
         DataError

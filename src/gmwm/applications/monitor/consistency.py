@@ -261,10 +261,6 @@ def consistency(
     level : float
         Confidence level of intervals and bands.
 
-    Returns
-    -------
-    Consistency
-
     Raises
     ------
     OptionError

@@ -241,10 +241,6 @@ def cross(
         Confidence level of the intervals of the correlations, tanh(artanh r ± z / √(η − 2)), with z the normal
         quantile.
 
-    Returns
-    -------
-    CrossCovariance
-
     Raises
     ------
     DataError

@@ -191,10 +191,6 @@ def fuse(
         Whether to restrict the weights to values of at least 0; only with `horizon`. Negative weights remove noise that
         the sensors share, but increase the errors from scale factor and misalignment.
 
-    Returns
-    -------
-    VirtualSensor
-
     Raises
     ------
     DataError

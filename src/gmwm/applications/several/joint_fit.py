@@ -450,10 +450,6 @@ def fit_joint(
         term of three signals, and up to several minutes for two. If the time is not enough, the bound is not tight, and
         `fit.proved` is False. A model without unknown correlation times always has a bound.
 
-    Returns
-    -------
-    JointFit
-
     Raises
     ------
     ModelError

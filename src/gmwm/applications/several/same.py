@@ -306,10 +306,6 @@ def same(
     confidence : float
         Confidence level of the intervals of the ratios.
 
-    Returns
-    -------
-    SameNoise
-
     Raises
     ------
     DataError

@@ -164,10 +164,6 @@ class Replicates(RecordingComparison):
         confidence : float
             Level of the prediction interval, from 0.5 to below 1. With two or three recordings, the interval is wide.
 
-        Returns
-        -------
-        Model
-
         Raises
         ------
         OptionError

@@ -124,10 +124,6 @@ class Residuals(FrozenArrays, Summarised, Plotted):
         lags : int, optional
             Number of lags; `usual_lags` by default.
 
-        Returns
-        -------
-        Check
-
         Raises
         ------
         OptionError

@@ -351,10 +351,6 @@ def contamination(
         For a pair, the screening of the samples for bursts and wrong samples. Without it, a pair is contaminated if its
         p-value is small.
 
-    Returns
-    -------
-    Verdict
-
     Raises
     ------
     DataError

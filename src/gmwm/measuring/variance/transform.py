@@ -141,10 +141,6 @@ def modwt(
     boundary : "periodic" or "reflection"
         Extension of the signal beyond its ends.
 
-    Returns
-    -------
-    Modwt
-
     Raises
     ------
     DataError
@@ -188,10 +184,6 @@ def dwt(
     ----------
     x, filter, levels, boundary
         The same as for `modwt`.
-
-    Returns
-    -------
-    Dwt
 
     Raises
     ------
