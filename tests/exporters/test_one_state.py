@@ -56,5 +56,5 @@ def test_a_filter_states_the_errors_that_it_makes(name):
     claims = [stated_over_real(terms, white, sigma, time, seconds) for seconds in TIMES]
     assert claims[0] == pytest.approx(1, abs=0.02)
     assert claims[1:3] == pytest.approx([1, 1], abs=0.04)
-    assert claims[3] == pytest.approx(1, abs=0.1)
+    assert claims[3] == pytest.approx(1, abs=0.15)
     assert claims[:2] == pytest.approx(noise.claims(sigma, time)[:2], rel=0.03)

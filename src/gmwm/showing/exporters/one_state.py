@@ -83,17 +83,17 @@ def fit_biases(noises: Sequence[Predictions], low: float, high: float) -> tuple[
     def residuals(x: Vector) -> Vector:
         *sigmas, time = np.exp(x).tolist()
         found = [
-            # In least squares, a large weight makes the product of the ratios 1.
-            [*np.log(noise.allan(sigma, time) / noise.curve.whole), 100 * np.log(noise.claims(sigma, time)).sum()]
-            for noise, sigma in zip(noises, sigmas, strict=True)
+            # T is that of the nearest Allan deviation with any σ. It is longer, so that the filter forgets less.
+            [*np.log(noise.allan(near, time) / noise.curve.whole), np.log(noise.claims(sigma, time)).sum()]
+            for noise, sigma, near in zip(noises, sigmas[::2], sigmas[1::2], strict=True)
         ]
         return np.concatenate(found)
 
-    free, middle = np.full(len(noises), np.inf), math.sqrt(low * high)
-    start = np.log([*(noise.K * math.sqrt(middle / 2) for noise in noises), middle])
+    free, middle = np.full(2 * len(noises), np.inf), math.sqrt(low * high)
+    start = np.log([*(noise.K * math.sqrt(middle / 2) for noise in noises for _ in range(2)), middle])
     bounds = np.append(-free, math.log(low)), np.append(free, math.log(high))
     *sigmas, time = np.exp(scipy.optimize.least_squares(residuals, start, bounds=bounds).x).tolist()
-    return sigmas, time
+    return sigmas[::2], time
 
 
 def biases(
