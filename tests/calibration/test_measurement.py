@@ -147,3 +147,18 @@ def test_motion_is_replaced_if_it_is_short_and_left_out_otherwise(seconds, repla
         kept = gmwm.calibrate(imu, WITHIN, repeated="keep")
         assert kept.number_verdicts["gyro_x"]["N"].usability.value == "do not use"
         assert "recording-moved:moved" in codes(kept.remarks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_motion_is_left_out_if_it_is_replaced_on_one_axis_only(seed):
+    """Handling at both ends. A knock that is replaced on gyro_y does not remove the motion of gyro_x."""
+    rng = np.random.default_rng(seed)
+    x = 1e-3 * rng.normal(size=(2, 30_000))
+    for part in (slice(1000), slice(29_000, None)):
+        x[:, part] += np.cumsum(0.01 * rng.normal(size=(2, 1000)), axis=1)
+    found = gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": x[0], "gyro_y": x[1]}, rate=50.0), "WN + RW")
+    assert "recording-moved:moved" not in codes(found.remarks)
+    for axis, sheet in found.datasheets.items():
+        assert found.number_verdicts[axis]["N"].usability.value == "use"
+        assert sheet["N"].value == pytest.approx(1e-3 / 50**0.5, rel=0.02)

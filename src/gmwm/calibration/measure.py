@@ -279,16 +279,16 @@ def _is_motion(remark: Remark) -> bool:
 
 
 def _not_replaced(motion: Remark, passes: Passes) -> tuple[tuple[float, float], ...]:
-    """Return the ranges (s) of a motion that are not within a replaced knock."""
-    knocks = [times for item in passes.axes.values() for times in item.replaced.knocks]
+    """Return the ranges (s) of the motion of an axis that are not within one of its replaced knocks."""
     ranges: Any = motion.facts["ranges"]
+    knocks = [times for axis, item in passes.axes.items() if axis == motion.subject for times in item.replaced.knocks]
     return tuple(span for span in ranges if not any(begin <= span[0] and span[1] <= end for begin, end in knocks))
 
 
 def _motion_to_omit(passes: Passes) -> tuple[list[Remark], tuple[tuple[float, float], ...]]:
     """Return remarks on motion that is not replaced, and its ranges (s), if it is so rare that it can be left out."""
     moved = [remark for remark in passes.inspection.remarks if _is_motion(remark) and remark.subject in passes.axes]
-    ranges = _not_replaced(moved[0], passes) if moved else ()
+    ranges = tuple(sorted({span for remark in moved for span in _not_replaced(remark, passes)}))
     if sum(end - begin for begin, end in ranges) > RARE * passes.inspection.duration or not ranges:
         return [], ()
     facts: dict[str, Any] = {"case": "excluded", "parts": range_texts(ranges), "ranges": ranges}
