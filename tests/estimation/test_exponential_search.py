@@ -12,7 +12,7 @@ from gmwm.base.errors import FitWarning
 from gmwm.fitting.estimation.branch_and_bound import LIMITS, Search
 from gmwm.fitting.estimation.exponential_search import ExponentialSearch, search_of
 from gmwm.fitting.estimation.problem import pose
-from gmwm.fitting.estimation.solver import model_of, solve, solve_near
+from gmwm.fitting.estimation.solver import follow, model_of, solve
 from gmwm.fitting.estimation.weighting import weighting_matrix
 from gmwm.theory.processes import AR1, DR, GM, QN, RW, WN, Model, exponential_sum
 from tests.helpers import each
@@ -129,11 +129,11 @@ def test_fits_begin_at_the_values_of_a_model_unless_one_is_zero(gm):
     weights = weighting_matrix("diagonal", wv)
     found = solve(pose(3 * gm() + WN() + QN() + RW(), wv, weights), certify=False)
     model = model_of(pose(3 * gm() + WN() + QN() + RW(), wv, weights), found, None)
-    near = solve_near(pose(model, wv, weights))
+    near = follow(pose(model, wv, weights))
     assert near.nodes == 0 < found.nodes
     assert near.objective == pytest.approx(found.objective, rel=1e-9)
     terms = [p.with_scale(0.0) if k == 0 else p for k, p in enumerate(model.processes)]
-    assert solve_near(pose(Model(tuple(terms)), wv, weights)).objective == pytest.approx(found.objective, rel=1e-9)
+    assert follow(pose(Model(tuple(terms)), wv, weights)).objective == pytest.approx(found.objective, rel=1e-9)
 
 
 def test_the_kernel_is_used_where_the_search_states_an_exponential_and_the_filter_is_haar():

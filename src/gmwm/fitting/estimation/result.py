@@ -20,7 +20,7 @@ from gmwm.fitting.estimation import asymptotic, criterion, goodness, intervals
 from gmwm.fitting.estimation.bootstrap import bootstrap as simulate_fits
 from gmwm.fitting.estimation.problem import to_find
 from gmwm.fitting.estimation.reweighting import REWEIGHTED, WeightedSolution, settle
-from gmwm.fitting.estimation.solver import model_of, solve_near
+from gmwm.fitting.estimation.solver import follow, model_of
 from gmwm.fitting.estimation.starts import Start
 from gmwm.fitting.estimation.summary import as_html
 from gmwm.fitting.estimation.summary import summary as describe
@@ -159,7 +159,7 @@ class Fit(Documented, Plotted, Tabular, KalmanMethods):
             # The change is below the relative error √(2/N) at 2⁴⁰ samples, `gmwm.plan`'s limit. Only models that do not
             # describe the data need more iterations (tests/estimation/test_weights.py).
             self.model, wv, self.weighting, certify=False, start=self.model, fixed=1e-6, returns=2,
-            first=solve_near, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
+            first=follow, search=not any(len(to_find(process)) > 1 for process in self.model.processes),
         )  # fmt: skip
         return Fit.of(settled, wv, self.weighting)
 

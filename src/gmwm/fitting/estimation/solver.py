@@ -86,7 +86,7 @@ def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solutio
 def solve_near(problem: Problem) -> Solution:
     """Find the optimum near the model's values without a scan, enough for almost the same data."""
     if not problem.free:
-        return _follow(problem) or solve(problem, certify=False)
+        return solve(problem, certify=False)
     surface = Surface(problem)
     point = given_point(problem, surface)
     optimum = None if point is None else surface.downhill(point)
@@ -96,16 +96,16 @@ def solve_near(problem: Problem) -> Solution:
     return _sharpened(problem, surface, optimum, start)
 
 
-def _follow(problem: Problem) -> Solution | None:
-    """Find the local optimum near the values of the curved processes; None without values, or if one is zero: only a
-    search finds a place for it."""
+def follow(problem: Problem) -> Solution:
+    """Find a solution near the model's values from which to iterate weights; curved processes move by a Newton step.
+    Without values, or if a process is zero, only a search finds places."""
     processes = [problem.model.processes[place] for place in problem.curved]
-    if not processes or not all(process.is_complete and process.scale > 0 for process in processes):
-        return None
+    if problem.free or not processes or not all(process.is_complete and process.scale > 0 for process in processes):
+        return solve_near(problem)
     search = search_of(problem)
     positions = search.starts()
     if not positions.size:
-        return None
+        return solve_near(problem)
     places = search.places_of(positions)
     start = Start(how="given", tried=1, objective=search.at(places).objective * problem.unit**2)
     near = Solution(
