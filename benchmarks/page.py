@@ -44,7 +44,7 @@ In chunks, {longest} samples take {stream:.2g} ns each, {over:.2f} times as long
 
 ## Real recordings
 
-`gmwm calibrate` with all files; a curve without Python's start.
+`gmwm calibrate` with all files, the shorter of two runs; a curve without Python's start.
 
 {recordings}
 

@@ -116,7 +116,9 @@ def recordings(data: Path = DATA, samples: int = 2_400_000, units: int = 30, sha
         if (file := data / "wavelet_variance" / f"{name}.json").exists():
             text = file.read_text(encoding="utf-8")
             for axis in json.loads(text)["variance"]:
-                yield run(f"gmwm.calibrate, curve of {name}, {axis}", CURVE.format(text=text, axis=axis))
+                code = CURVE.format(text=text, axis=axis)
+                runs = [run(f"gmwm.calibrate, curve of {name}, {axis}", code) for _ in range(2)]
+                yield min(runs, key=lambda child: child.inside)
     with tempfile.TemporaryDirectory() as scratch:
         file = Path(scratch) / "shapes.json"
         run("simulated curves", SHAPES.format(count=shapes, path=str(file)))
