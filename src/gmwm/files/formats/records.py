@@ -40,7 +40,10 @@ _NO_NUMBER = re.compile(rb"(?<=[:,\[\s])[+-]?(?:NaN|Infinity)\b")
 
 def _joined(messages: Sequence[bytes]) -> BytesIO:
     """Return the lines of messages, with null for the NaN and Infinity of Python, which Polars does not know."""
-    return BytesIO(_NO_NUMBER.sub(b"null", b"\n".join(messages)))
+    lines = b"\n".join(messages)
+    # The search for a word takes a tenth of the time of the regular expression, which takes longer than Polars.
+    has_words = b"NaN" in lines or b"Infinity" in lines
+    return BytesIO(_NO_NUMBER.sub(b"null", lines) if has_words else lines)
 
 
 @dataclass(frozen=True)
