@@ -162,7 +162,7 @@ def bare_words(name: str) -> list[str]:
 
 
 def is_interval(name: str) -> bool:
-    """Return whether a name is that of the time since the row before.
+    """Return whether a column holds the time since the row before, by its name.
 
     >>> is_interval("dt [ms]"), is_interval("deltaTime_us"), is_interval("time")
     (True, True, False)

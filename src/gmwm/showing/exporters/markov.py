@@ -169,12 +169,12 @@ class KfGins(GaussMarkov):
         """Return the entry with its five keys."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         sigmas = [[sigma for sigma, _ in self.of_sensor(sensor, noise)] for sensor in (gyro, accel)]
-        found = list(self.biases(noise).values())
-        measured = any(bias.claims for bias in found)
+        states = list(self.biases(noise).values())
+        measured = any(bias.claims for bias in states)
         return [
             "imunoise:", _yaml("arw", gyro.N, 60 / _DEGREE, "deg/sqrt(h)"), _yaml("vrw", accel.N, 60, "m/s/sqrt(h)"),
             _yaml("gbstd", sigmas[0], 3600 / _DEGREE, "deg/h"), _yaml("abstd", sigmas[1], 1e5, "mGal"),
-            f"  corrtime: {written(found[0].time / 3600)}  # h{'' if measured else '  not measured'}",
+            f"  corrtime: {written(states[0].time / 3600)}  # h{'' if measured else '  not measured'}",
         ]  # fmt: skip
 
 

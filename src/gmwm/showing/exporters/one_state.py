@@ -82,12 +82,12 @@ def fit_biases(noises: Sequence[Predictions], low: float, high: float) -> tuple[
 
     def residuals(x: Vector) -> Vector:
         *sigmas, time = np.exp(x).tolist()
-        found = [
-            # T is that of the nearest Allan deviation with any σ. It is longer, so that the filter forgets less.
+        rows = [
+            # The nearest Allan deviation has a σ of its own: T is longer then, and the filter forgets less.
             [*np.log(noise.allan(near, time) / noise.curve.whole), np.log(noise.claims(sigma, time)).sum()]
             for noise, sigma, near in zip(noises, sigmas[::2], sigmas[1::2], strict=True)
         ]
-        return np.concatenate(found)
+        return np.concatenate(rows)
 
     free, middle = np.full(2 * len(noises), np.inf), math.sqrt(low * high)
     start = np.log([*(noise.K * math.sqrt(middle / 2) for noise in noises for _ in range(2)), middle])

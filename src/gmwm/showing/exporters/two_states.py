@@ -189,8 +189,8 @@ def _start(curve: Curve, count: int, low: float, high: float) -> tuple[Vector, V
     solved = [scipy.optimize.nnls(shapes[rows].T, np.ones(shapes.shape[1])) for rows in combined]
     best = int(np.argmin([distance for _, distance in solved]))
     parts = solved[best][0]
-    kept = np.append(True, parts[1:] > 0)
-    return grid[np.array(combined[best][1:]) - 1][kept[1:]], parts[kept]
+    present = np.append(True, parts[1:] > 0)
+    return grid[np.array(combined[best][1:]) - 1][present[1:]], parts[present]
 
 
 def is_ramp_of(process: Process, rate: float) -> bool:
